@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, Union
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from mpvi_bt.errors import FileProblems, Problem, UserError, did_you_mean, nearest, shown
 from mpvi_bt.file_kinds import foreign
@@ -37,11 +37,13 @@ __all__ = [
     "MAX_NODES",
     "MAX_PROBLEMS",
     "Amount",
+    "Coordinate",
     "Count",
     "Location",
     "Marks",
     "Record",
     "Share",
+    "Synset",
     "choices_of",
     "fields_at",
     "load_marked",
@@ -59,6 +61,8 @@ Model = TypeVar("Model", bound=BaseModel)
 Amount = Annotated[float, Field(ge=0.0, le=1e12, allow_inf_nan=False)]  # Our choice: sums of them stay finite
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
+Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]  # of WordNet, as BDDL writes it
+Coordinate = Annotated[float, Field(ge=-200, le=200, allow_inf_nan=False)]  # m
 
 _SURROGATES = re.compile(r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}")
 

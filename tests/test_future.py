@@ -13,12 +13,15 @@ from mpvi_bt.things.catalogue import Catalogue, Entry
 
 PIECE = {"kind": "box", "at": [0, 0, 0.02], "size_m": [0.04, 0.04, 0.04]}
 CUBE: dict[str, Any] = {"color": "#ffffff", "pieces": [PIECE]}
-KNIFE = Entry("knife", "knife.n.01", (), "compound", {**CUBE, "pieces": [{**PIECE, "blade": True}]})
+KNIFE = Entry(
+    name="knife", synset="knife.n.01", family="compound", shape={**CUBE, "pieces": [{**PIECE, "blade": True}]}
+)
 
 
 def entry(name: str, half: str | None = None, diced: str | None = None, cooks_to: str | None = None) -> Entry:
     """An entry that becomes others."""
-    return Entry(name, f"{name}.n.01", (), "compound", CUBE, cut=Cuttable(half, diced), cooks_to=cooks_to)
+    cut = Cuttable(half=half, diced=diced)
+    return Entry(name=name, synset=f"{name}.n.01", family="compound", shape=CUBE, cut=cut, cooks_to=cooks_to)
 
 
 def test_a_whole_may_become_two_halves_and_the_dice_of_each() -> None:

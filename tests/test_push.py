@@ -19,7 +19,7 @@ from mpvi_bt.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_open import play
 
-CHAIR = replace(CATALOGUE["chair"], mass_kg=4.0, friction=0.3)
+CHAIR = CATALOGUE["chair"].changed(mass_kg=4.0, friction=0.3)
 
 
 def chair_world(yaw: float = 0.4) -> World:

@@ -25,10 +25,10 @@ from mpvi_bt.rules.washer import begins, washed
 FOLDER = Path(__file__).parent / "fixtures" / "rules"
 DT_S = 1 / 30
 SOURCES = {
-    "fridge": Source(-18.0, 0.1, "inside", shut=True),
-    "microwave": Source(100.0, 0.1, "inside", switched=True, shut=True),
-    "oven": Source(250.0, 0.1, "inside", switched=True, shut=True),
-    "stove": Source(1980.0, 0.1, "near", switched=True),
+    "fridge": Source(at_c=-18.0, shut=True),
+    "microwave": Source(at_c=100.0, switched=True, shut=True),
+    "oven": Source(at_c=250.0, switched=True, shut=True),
+    "stove": Source(at_c=1980.0, placing="near", switched=True),
 }
 
 
@@ -123,7 +123,7 @@ def test_a_slicer_rests_for_two_seconds_after_a_touch(row: dict[str, Any]) -> No
 @pytest.mark.parametrize("row", cases("cutting", "cut"))
 def test_a_cut_makes_halves_of_whole_things_and_dice_of_halves(row: dict[str, Any]) -> None:
     """By what the kind can become."""
-    assert cut(Slicer(row["active"]), Cuttable(row["half"], row["diced"])) == row["cut"]
+    assert cut(Slicer(row["active"]), Cuttable(half=row["half"], diced=row["diced"])) == row["cut"]
 
 
 @pytest.mark.parametrize("row", cases("marks", "covered"))
@@ -157,7 +157,10 @@ def test_marks_are_neither_made_nor_lost_by_wiping(points: list[tuple[float, ...
 
 def test_a_sprayer_marks_now_and_then_within_its_cone() -> None:
     """Two rays every five steps while it is on, none else, and each makes a mark where it meets something."""
-    sprayer, rng = Sprayer("pesticide", 0.3, 0.1), np.random.default_rng(0)
+    sprayer, rng = (
+        Sprayer(kind="pesticide.n.01", at=(0.0, 0.0, 0.0), length_m=0.3, radius_m=0.1),
+        np.random.default_rng(0),
+    )
     sent = [sprayer.rays(True, step, rng) for step in range(2 * EVERY_STEPS)]
     assert [len(rays) for rays in sent] == 2 * [MARKS_AT_ONCE, 0, 0, 0, 0]
     rays = np.concatenate(sent)
@@ -205,11 +208,17 @@ def test_a_vessel_is_filled_by_a_fifth_of_its_volume(row: dict[str, Any]) -> Non
     assert filled(row["grains"] * (2 * row["radius_m"]) ** 3, row["volume_m3"]) is row["filled"]
 
 
-PIZZA = Recipe("pizza", ("cheese", "onion"), {"pepperoni": 1, "mushrooms": 1}, "sheet")
+PIZZA = Recipe(
+    into="pizza",
+    covered_by=("cheese.n.01", "onion.n.01"),
+    topped_with={"pepperoni.n.01": 1, "mushrooms.n.01": 1},
+    on="sheet.n.01",
+)
 
 
 @pytest.mark.parametrize("row", cases("grains", "baked"))
 def test_a_pizza_needs_all_of_its_parts(row: dict[str, Any]) -> None:
     """Each of them alone prevents it by its absence."""
-    there = {"cheese", "onion", "pepperoni", "mushrooms", "sheet"} - {row["without"]}
+    parts = {"cheese", "onion", "pepperoni", "mushrooms", "sheet"} - {row["without"]}
+    there = {f"{part}.n.01" for part in parts}
     assert baked(PIZZA, there, dict.fromkeys(there, 1), there) is row["baked"]

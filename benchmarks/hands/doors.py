@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -253,10 +253,10 @@ def pushing(kind: Literal["box", "chair", "table"], toward: bool = False) -> Sce
             x, y = x * 0.3, y * 0.3
         elif kind == "chair":
             size = [within(rng, shapes, span) for span in ((0.38, 0.46), (0.38, 0.46), (0.8, 0.96))]
-            entry = replace(catalogue()["chair"].reshaped({"size_m": size}), mass_kg=4.0, friction=0.3)
+            entry = catalogue()["chair"].reshaped({"size_m": size}).changed(mass_kg=4.0, friction=0.3)
         else:
             size = [within(rng, shapes, span) for span in ((0.24, 0.4), (0.24, 0.4), (0.2, 0.4))]
-            entry = replace(catalogue()["box"].reshaped({"size_m": size}), mass_kg=2.0, friction=0.4)
+            entry = catalogue()["box"].reshaped({"size_m": size}).changed(mass_kg=2.0, friction=0.4)
         if toward:
             fixtures["table_1"] = {"entry": "table", "at": [2.4, round(y, 2)], "yaw_deg": 180}
             x = 2.4 - 0.275 - rng.uniform(0.55, 0.75)

@@ -164,13 +164,8 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
         "phrases": [name.replace("_", " ")],
         "family": model.family,
         "shape": {key: _plain(value) for key, value in model.shape.items()},
+        **model.model_dump(mode="json", include={"mass_kg", "rolling_damping", "abilities"}, exclude_defaults=True),
     }
-    if model.mass_kg is not None:
-        entry["mass_kg"] = model.mass_kg
-    if model.rolling_damping != type(model).rolling_damping:
-        entry["rolling_damping"] = model.rolling_damping
-    if model.abilities:
-        entry["abilities"] = list(model.abilities)
     about = (family(model.family).__doc__ or "").splitlines()[0]
     return Skeleton(
         {f"{CATALOGUES}/{name}.yaml": _OBJECT.format(about=about) + _dumped({"entries": {name: entry}})},

@@ -6,7 +6,11 @@ Source: OmniGibson, object_states/slicer_active.py, transition_rules.py (Slicing
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from mpvi_bt.marked_yaml import Record
 
 REARMED_S = 2.0  # so long after it last touched what can be sliced a slicer is active again
 
@@ -26,19 +30,18 @@ class Slicer:
     untouched_s: float = 0.0
 
 
-@dataclass(frozen=True)
-class Cuttable:
+class Cuttable(Record):
     """What cutting does to a kind of thing: whole vegetables become halves, halves become dice; none does both.
 
     Attributes:
-        half: The kind of its two halves, or None.
-        diced: The kind of its dice, or None.
+        half: The catalogue's entry of its two halves, or None.
+        diced: The entry of its dice, or None.
         dice: How many dice it becomes.
     """
 
     half: str | None = None
     diced: str | None = None
-    dice: int = 2
+    dice: Annotated[int, Field(ge=1, le=12)] = 2
 
 
 def cut(slicer: Slicer, kind: Cuttable) -> Cut | None:

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from mpvi_bt.rules.heat import Heat, Source, Thermal, warmed
+from mpvi_bt.rules.heat import OPEN_PER_S, Heat, Source, Thermal, warmed
 
-IGNITES_C = 250.0  # of what says nothing else
 BURNS_C = 1000.0
-FIRE = Source(BURNS_C)
+FIRE = Source(at_c=BURNS_C, per_s=OPEN_PER_S, placing="near")
 
 
 def ignited(heat: Heat, kind: Thermal) -> Heat:

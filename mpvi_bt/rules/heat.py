@@ -10,7 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from mpvi_bt.marked_yaml import Record
 
 ROOM_C = 23.0
 DECAY_PER_S = 0.02
@@ -21,8 +25,7 @@ REACH_M = 0.2  # from what is not shut in, to the nearest point of the box about
 Placing = Literal["inside", "near"]
 
 
-@dataclass(frozen=True)
-class Thermal:
+class Thermal(Record):
     """What heat does to a kind of thing.
 
     Attributes:
@@ -32,10 +35,10 @@ class Thermal:
         ignites_c: It is on fire from then on; None: it does not burn.
     """
 
-    cooked_c: float | None = None
-    heated_c: float = HEATED_C
-    freezes_c: float = FREEZES_C
-    ignites_c: float | None = None
+    cooked_c: Annotated[float, Field(ge=30, le=400)] | None = None
+    heated_c: Annotated[float, Field(ge=24, le=200)] = HEATED_C
+    freezes_c: Annotated[float, Field(ge=-100, le=20)] = FREEZES_C
+    ignites_c: Annotated[float, Field(ge=100, le=1000)] | None = None
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,7 @@ class Heat:
     on_fire: bool = False
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(Record):
     """What warms or cools things.
 
     Attributes:
@@ -65,9 +67,9 @@ class Source:
         shut: Its doors have to be closed.
     """
 
-    at_c: float
-    per_s: float = OPEN_PER_S
-    placing: Placing = "near"
+    at_c: Annotated[float, Field(ge=-100, le=2000)]
+    per_s: Annotated[float, Field(gt=0, le=1)] = APPLIANCE_PER_S
+    placing: Placing = "inside"
     switched: bool = False
     shut: bool = False
 

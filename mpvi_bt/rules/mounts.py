@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from mpvi_bt.marked_yaml import Coordinate, Record
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
@@ -24,8 +25,7 @@ NEAR_M, NEAR_RAD = 0.05, float(np.deg2rad(15.0))
 BREAKS_N, BREAKS_NM = 5e3, 1e4
 
 
-@dataclass(frozen=True)
-class Fitting:
+class Fitting(Record):
     """A mount as the catalogue has it.
 
     Attributes:
@@ -37,8 +37,8 @@ class Fitting:
     """
 
     kind: str
-    male: bool
-    at: tuple[float, float, float]
+    male: bool = False
+    at: tuple[Coordinate, Coordinate, Coordinate]
     facing: Axis = "x"
     up: Axis = "z"
 

@@ -6,11 +6,14 @@ Source: OmniGibson, transition_rules.py; the recipes themselves are of the catal
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass, field
+from typing import Annotated
+
+from pydantic import Field
+
+from mpvi_bt.marked_yaml import Record, Synset
 
 
-@dataclass(frozen=True)
-class Recipe:
+class Recipe(Record):
     """What a thing becomes in an oven that is on, whatever its temperature.
 
     Attributes:
@@ -21,9 +24,9 @@ class Recipe:
     """
 
     into: str
-    covered_by: tuple[str, ...] = ()
-    topped_with: Mapping[str, int] = field(default_factory=dict)
-    on: str | None = None
+    covered_by: tuple[Synset, ...] = ()
+    topped_with: dict[Synset, Annotated[int, Field(ge=1, le=12)]] = {}
+    on: Synset | None = None
 
 
 def baked(recipe: Recipe, covered_by: Set[str], topped_with: Mapping[str, int], on: Set[str]) -> bool:

@@ -5,10 +5,12 @@ Source: OmniGibson, object_states/particle_modifier.py (ParticleApplier).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
+from mpvi_bt.marked_yaml import Coordinate, Record, Synset
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.rules.marks import Marks
 
@@ -16,20 +18,19 @@ EVERY_STEPS = 5
 MARKS_AT_ONCE = 2
 
 
-@dataclass(frozen=True)
-class Sprayer:
-    """What sprays.
+class Sprayer(Record):
+    """What sprays along its x axis.
 
     Attributes:
         kind: Of the marks that it makes, such as "pesticide.n.01".
-        length_m, radius_m: Of its cone, from the tip along x to the middle of the base, and of the base.
-        at: (3,) of the tip in the thing's frame, along whose x it sprays [m].
+        at: (3,) of the tip of its cone in the thing's frame [m].
+        length_m, radius_m: Of the cone, from the tip along x to the middle of the base, and of the base.
     """
 
-    kind: str
-    length_m: float
-    radius_m: float
-    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    kind: Synset
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    length_m: Annotated[float, Field(gt=0, le=5)] = 0.6
+    radius_m: Annotated[float, Field(gt=0, le=2)] = 0.15
 
     def rays(self, on: bool, step: int, rng: np.random.Generator) -> Array:
         """(n, 3) where rays from the tip end on the base in this step, in the cone's frame [m]; n may be 0."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -166,7 +165,7 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
 
 def entry_content(entry: Entry) -> dict[str, Any]:
     """All that an entry is, wherever it lies: of a mesh what is in its file, not the file's place."""
-    told = asdict(entry)
+    told = entry.model_dump()
     if file := entry.shape.get("file"):
         told["shape"] = {**entry.shape, "file": hashlib.sha256(Path(file).read_bytes()).hexdigest()}
     return told

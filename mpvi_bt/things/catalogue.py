@@ -4,132 +4,34 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, StringConstraints
+from pydantic import Field
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
 from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
-from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
+from mpvi_bt.marked_yaml import Location, Marks, Record, Synset, load_marked, validate_data
 from mpvi_bt.rules.cutting import Cuttable
-from mpvi_bt.rules.heat import APPLIANCE_PER_S, FREEZES_C, HEATED_C, Placing, Source, Thermal
-from mpvi_bt.rules.mounts import Axis, Fitting
+from mpvi_bt.rules.heat import Source, Thermal
+from mpvi_bt.rules.mounts import Fitting
 from mpvi_bt.rules.recipes import Recipe
 from mpvi_bt.rules.sprayer import Sprayer
 from mpvi_bt.scene.knowledge import normalize
 from mpvi_bt.things.description import Description
-from mpvi_bt.things.dimensions import Coordinate
 from mpvi_bt.things.families import FAMILIES, describe, parameters
 
 FOLDER = "tasks/catalogues"
 SUBSTANCE = "macroPhysicalSubstance"  # the ability of what is grains: diced food, popcorn
-Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]
-
-
-Celsius = Annotated[float, Field(ge=-100, le=2000)]
-
-
-class HeatFile(Record):
-    """What heat does to it, as it stands in the file."""
-
-    cooked_c: Annotated[float, Field(ge=30, le=400)] | None = None
-    heated_c: Annotated[float, Field(ge=24, le=200)] = HEATED_C
-    freezes_c: Annotated[float, Field(ge=-100, le=20)] = FREEZES_C
-    ignites_c: Annotated[float, Field(ge=100, le=1000)] | None = None
-
-
-class SourceFile(Record):
-    """What it warms or cools, as it stands in the file."""
-
-    at_c: Celsius
-    per_s: Annotated[float, Field(gt=0, le=1)] = APPLIANCE_PER_S
-    placing: Placing = "inside"
-    switched: bool = False
-    shut: bool = False
-
-
-class CutFile(Record):
-    """What cutting makes of it, entries of the catalogue, as it stands in the file."""
-
-    half: str | None = None
-    diced: str | None = None
-    dice: Annotated[int, Field(ge=1, le=12)] = 2
-
-
-class SprayFile(Record):
-    """What it sprays along its x axis, as it stands in the file."""
-
-    kind: Synset
-    at: tuple[Coordinate, Coordinate, Coordinate]
-    length_m: Annotated[float, Field(gt=0, le=5)] = 0.6
-    radius_m: Annotated[float, Field(gt=0, le=2)] = 0.15
-
-
-class MountFile(Record):
-    """A place that fits one of another thing, as it stands in the file."""
-
-    kind: str
-    male: bool = False
-    at: tuple[Coordinate, Coordinate, Coordinate]
-    facing: Axis = "x"
-    up: Axis = "z"
-
-
-class RecipeFile(Record):
-    """What it becomes in an oven that is on, as it stands in the file."""
-
-    into: str
-    covered_by: tuple[Synset, ...] = ()
-    topped_with: dict[Synset, Annotated[int, Field(ge=1, le=12)]] = {}
-    on: Synset | None = None
 
 
 class EntryFile(Record):
-    """An entry as it stands in the file."""
-
-    synset: Synset
-    family: str
-    shape: dict[str, Any]
-    phrases: tuple[str, ...] = ()
-    mass_kg: Annotated[float, Field(gt=0, le=200)] | None = None
-    friction: Annotated[float, Field(ge=0, le=3)] = 0.5
-    rolling_damping: Annotated[float, Field(ge=0, le=10)] = 0.5
-    abilities: tuple[str, ...] = ()
-    at_back: bool = False
-    heat: HeatFile | None = None
-    source: SourceFile | None = None
-    washes: dict[Synset, tuple[Synset, ...]] | None = None
-    cut: CutFile | None = None
-    cooks_to: str | None = None
-    removes: dict[Synset, tuple[Synset, ...]] | None = None
-    sprays: SprayFile | None = None
-    mounts: tuple[MountFile, ...] = ()
-    bakes: RecipeFile | None = None
-
-
-# What stands in the file by its own keys, with what holds it to a rule.
-_RULES: Mapping[str, Callable[..., Any]] = {
-    "heat": Thermal, "source": Source, "cut": Cuttable, "sprays": Sprayer, "bakes": Recipe,
-}  # fmt: skip
-
-
-class CatalogueFile(Record):
-    """The file: entries by name."""
-
-    entries: dict[str, EntryFile]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One kind of thing.
+    """One kind of thing, as it stands in the file.
 
     Attributes:
-        name: Unique in the catalogue, such as "can_of_soda".
         synset: WordNet synset as BDDL writes it.
         phrases: What people call it, lower case, the synset's own words among them.
         family: What makes its shape.
@@ -152,25 +54,40 @@ class Entry:
         bakes: What it becomes in an oven with all on it that belongs there; None: nothing.
     """
 
-    name: str
-    synset: str
-    phrases: tuple[str, ...]
+    synset: Synset
     family: str
-    shape: Mapping[str, Any]
-    mass_kg: float | None = None
-    friction: float = 0.5
-    rolling_damping: float = 0.5
+    shape: dict[str, Any]
+    phrases: tuple[str, ...] = ()
+    mass_kg: Annotated[float, Field(gt=0, le=200)] | None = None
+    friction: Annotated[float, Field(ge=0, le=3)] = 0.5
+    rolling_damping: Annotated[float, Field(ge=0, le=10)] = 0.5
     abilities: tuple[str, ...] = ()
     at_back: bool = False
     heat: Thermal | None = None
     source: Source | None = None
-    washes: Mapping[str, tuple[str, ...]] | None = None
+    washes: dict[Synset, tuple[Synset, ...]] | None = None
     cut: Cuttable | None = None
     cooks_to: str | None = None
-    removes: Mapping[str, tuple[str, ...]] | None = None
+    removes: dict[Synset, tuple[Synset, ...]] | None = None
     sprays: Sprayer | None = None
     mounts: tuple[Fitting, ...] = ()
     bakes: Recipe | None = None
+
+
+class CatalogueFile(Record):
+    """The file: entries by name."""
+
+    entries: dict[str, EntryFile]
+
+
+class Entry(EntryFile):
+    """One kind of thing.
+
+    Attributes:
+        name: Unique in the catalogue, such as "can_of_soda".
+    """
+
+    name: str
 
     @cached_property
     def description(self) -> Description:
@@ -191,7 +108,11 @@ class Entry:
 
     def reshaped(self, changes: Mapping[str, Any]) -> Entry:
         """The same kind of thing with other dimensions or colors."""
-        return replace(self, shape={**self.shape, **changes}) if changes else self
+        return self.changed(shape={**self.shape, **changes}) if changes else self
+
+    def changed(self, **fields: Any) -> Entry:
+        """The same with other fields."""
+        return Entry(**{**self.model_dump(), **fields})
 
 
 class Catalogue:
@@ -254,12 +175,7 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        fields = given.model_dump(exclude={"phrases", "shape", "mounts", *_RULES})
-        for field, rule in _RULES.items():
-            there: Record | None = getattr(given, field)
-            fields[field] = None if there is None else rule(**there.model_dump())
-        fields["mounts"] = tuple(Fitting(**mount.model_dump()) for mount in given.mounts)
-        entry = Entry(name=name, phrases=tuple(phrases), shape=shape, **fields)
+        entry = Entry(name=name, **{**dict(given), "phrases": tuple(phrases), "shape": shape})
         entries[name] = entry
         if not problems:
             problems += _tool_problems(entry, place, marks)

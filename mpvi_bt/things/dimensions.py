@@ -20,7 +20,6 @@ def _color(value: Any) -> Any:
     raise ValueError(f"a color is written like '#d8c9a8' (red, green, blue), not {value!r}")
 
 
-Coordinate = Annotated[float, Field(ge=-200, le=200, allow_inf_nan=False)]  # m
 Length = Annotated[float, Field(gt=0, le=30)]  # m
 Size = tuple[Length, Length, Length]  # along x (front to back), y (across) and z (up), m
 Rgb = Annotated[tuple[float, float, float], BeforeValidator(_color)]

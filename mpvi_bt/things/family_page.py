@@ -10,8 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mpvi_bt.marked_yaml import Coordinate
 from mpvi_bt.things.catalogue import Catalogue, Entry
-from mpvi_bt.things.dimensions import Coordinate, Count, Length, Rgb, Size
+from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
 from mpvi_bt.things.families import FAMILIES, Family
 
 _WORDS: Sequence[tuple[Any, str]] = (

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from mpvi_bt.marked_yaml import Record
+from mpvi_bt.marked_yaml import Coordinate, Record
 from mpvi_bt.robot.solids import Solid
 from mpvi_bt.things.description import Color, Handle, Parts, Switch
-from mpvi_bt.things.dimensions import Coordinate, Rgb, Size
+from mpvi_bt.things.dimensions import Rgb, Size
 
 
 class Button(Record):

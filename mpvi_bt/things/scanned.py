@@ -11,11 +11,10 @@ import numpy as np
 from pydantic import Field
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.marked_yaml import Record
+from mpvi_bt.marked_yaml import Coordinate, Record
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, bounds, box
 from mpvi_bt.things.description import Body, Description, Joint, Part, Skin
-from mpvi_bt.things.dimensions import Coordinate
 from mpvi_bt.things.mesh_file import MeshBody, read_mesh
 from mpvi_bt.things.pieces import Piece
 
