@@ -162,7 +162,7 @@ def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
 @pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.parametrize(("task", "robot"), [(TASK, "r1"), ("turning_on_radio", "r1pro")])
-def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: str) -> None:
+def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: Literal["r1", "r1pro"]) -> None:
     """All of it, in our own keys: every action to the bit, up to where the goal is true."""
     here, ear = Acts(20_000), Ear()
     run(EpisodeConfig(task, policy="reactive", map="online", robot=robot), [here])

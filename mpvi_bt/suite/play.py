@@ -63,12 +63,12 @@ class Kept:
             "demonstration": (self.demonstrations, "demonstrations", ""),
             "planned": (self.planned, "plans", ".json"),
         }
-        files: dict[str, Any] = {
+        kept: dict[str, Any] = {"demonstration_fps": self.demonstration_fps} | {
             field: folder / below / f"{config.name}{suffix}"
             for field, (wanted, below, suffix) in places.items()
             if wanted
         }
-        return replace(config, demonstration_fps=self.demonstration_fps, **files)
+        return replace(config, **kept)
 
 
 def play(
