@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from mpvi_bt.manipulation.stance.postures import WAY_MARGINS_M
-from mpvi_bt.manipulation.stance.site import FLOOR, Site, Standing, base_clear
+from mpvi_bt.manipulation.stance.site import FLOOR, WORK_PLACE, Site, Standing, base_clear
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
@@ -40,6 +40,17 @@ class CourseParameters:
         glance: or that if no posture is worth a look at its whole way.
         margin_m: That the arm keeps from everything [m].
         alike_m: Ends of courses that are no farther apart are one [m], and as many radians.
+        checked_run_up: Parts of the run-up at which the body is checked [ratio].
+        swivels: Positions of the elbow.
+        pitch_weight: Weight of a radian of pitch in how far apart two torsos are; that of a meter of lift is 1.
+        ahead_m: Distances of the base from the place of the touch [m],
+        best_m: the most comfortable of them [m],
+        laterals_m: offsets to the side of the hand [m],
+        turns_rad: and turns from the heading of the course [rad].
+        turn_cost: Cost of each radian of these,
+        way_cost: and of each meter of driving.
+        been_m: A base pose this near to one that failed fails, too [m],
+        been_rad: if it is turned alike up to this [rad].
         bent_rad: Of the elbow [rad]: a stretched arm cannot make up for a base that trails its goal.
     """
 
@@ -53,6 +64,17 @@ class CourseParameters:
     glance: float = 0.25
     margin_m: float = 0.01
     alike_m: float = 0.05
+    checked_run_up: tuple[float, ...] = (1.0, 0.66, 0.33, 0.0)
+    swivels: int = 16
+    pitch_weight: float = 0.8
+    ahead_m: tuple[float, ...] = (0.40, 0.46, 0.52, 0.58, 0.64, 0.70, 0.77, 0.84)
+    best_m: float = 0.56
+    laterals_m: tuple[float, ...] = (0.18, 0.10, 0.26, 0.02, 0.34, -0.08)
+    turns_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
+    turn_cost: float = 0.4
+    way_cost: float = 0.1
+    been_m: float = 0.05
+    been_rad: float = 0.2
     bent_rad: float = -0.4
 
 
@@ -143,7 +165,7 @@ class CourseSearch(Site):
         here, spent = self.motion.felt.base_pose, 0.0
         focus = np.mean([c.touch[:2, 3] for c in courses], axis=0)
         for base in _bases(here, focus, courses[0].heading, self.side):
-            if any(norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
+            if any(_as_before(base, b) for b in self.tried):
                 continue
             if not self.stands(base[None])[0]:
                 self.refuse_bases(base[None])
@@ -191,7 +213,9 @@ class CourseSearch(Site):
         back = route[-1]
         T = kin.inverse(kin.base(base))
         touches = matmul(T, np.stack([course.touch for course in courses]))
-        torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _COURSE.pitches_rad, swivels=16)
+        torsos, t, g, q = self.postures(
+            touches, [course.cost for course in courses], _COURSE.pitches_rad, swivels=_COURSE.swivels
+        )
         if not len(q):
             self.refusals.add("out of reach")
             return None, _COURSE.glance
@@ -252,7 +276,7 @@ class CourseSearch(Site):
         if line is None:
             return None
         short = line[-1]
-        for u in (1.0, 0.66, 0.33, 0.0):
+        for u in _COURSE.checked_run_up:
             at = base + (back - base) * u
             arms = {**body.arms, self.side: short}
             there = replace(body, around=self.around(at, touched=True), arms=arms)
@@ -271,7 +295,7 @@ class CourseSearch(Site):
             trunk = body.robot.trunk
             now = trunk.posture(body.torso)
             every = body.robot.postures(_COURSE.pitches_rad, float(now[3]))
-            nearest = np.argsort(matmul(np.abs(every[:, :3] - now[:3]), [1.0, 0.0, 0.8]))
+            nearest = np.argsort(matmul(np.abs(every[:, :3] - now[:3]), [1.0, 0.0, _COURSE.pitch_weight]))
             ends += list(trunk.joints(every[nearest]))
         xs = np.linspace(0, 1, (_COURSE.samples - 1) * _COURSE.between + 1)
         poses = [(float(x), matmul(kin.inverse(kin.base(base)), course.pulled(float(x)))) for x in xs]
@@ -302,15 +326,24 @@ class CourseSearch(Site):
         return idle not in body.arms or bool(body.clearance(idle, body.arms[idle][None])[0][0] > 0)
 
 
+def _as_before(base: Array, before: Array) -> bool:
+    """Whether a base pose (3,) is about the same as one that was tried."""
+    near = norm(base[:2] - before[:2]) < _COURSE.been_m
+    return bool(near and abs(kin.wrap(base[2] - before[2])) < _COURSE.been_rad)
+
+
 def _bases(here: Array, focus: Array, heading: float, side: Side) -> Iterator[Array]:
     """Base poses before a place (2,) in the world, looking along `heading` or somewhat past it, the plainest first."""
     ranked = []
-    for ahead in (0.40, 0.46, 0.52, 0.58, 0.64, 0.70, 0.77, 0.84):
-        for lateral in (0.18, 0.10, 0.26, 0.02, 0.34, -0.08):
-            for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8):
+    for ahead in _COURSE.ahead_m:
+        for lateral in _COURSE.laterals_m:
+            for turn in _COURSE.turns_rad:
                 yaw, y = heading + turn, lateral * SIGN[side]
                 c, s = np.cos(yaw), np.sin(yaw)
                 xy = focus - [c * ahead - s * y, s * ahead + c * y]
-                cost = 1.2 * abs(ahead - 0.56) + 0.5 * abs(lateral - 0.16) + 0.4 * abs(turn)
-                ranked.append((cost + 0.1 * float(norm(xy - here[:2])), np.array([*xy, kin.wrap(yaw)])))
+                off = WORK_PLACE.ahead * abs(ahead - _COURSE.best_m) + WORK_PLACE.lateral * abs(
+                    lateral - WORK_PLACE.lateral_m
+                )
+                cost = off + _COURSE.turn_cost * abs(turn)
+                ranked.append((cost + _COURSE.way_cost * float(norm(xy - here[:2])), np.array([*xy, kin.wrap(yaw)])))
     return iter([base for _, base in sorted(ranked, key=lambda r: r[0])])

@@ -35,6 +35,18 @@ class Pinch:
         off_center_cost: Of each meter of it: the hand draws the thing along as it closes.
         gap_m: That stays between a thing and the finger that is nearer [m].
         tilts_rad: Of the approach, from straight down [rad].
+        deep_m: Depth of the tcp below the top of what is pinched, at the least [m],
+        low: and height of the tcp in it, at the least [ratio of its own].
+        steep: Least cosine of the tilt by which the room before the palm is projected.
+        margin_m: Height of the tcp over the top at which a thing is too flat; also between its top and the palm [m].
+        tilt_cost: Cost of each radian of tilt,
+        before_cost: of each meter that the fingers close before the middle,
+        shallow_cost: of each meter that the tcp is less deep than `deep_m`,
+        aside_cost: and of each radian that the hand comes from another side than the robot's.
+        same_m: Tops that differ by less are one [m].
+        slack_m: Overlap of fingers, and of palm, with the rest of the thing that may be: spheres are larger [m].
+        step_m: Distance between points between the pads that are looked at [m].
+        upright: Least cosine with the vertical of the axis of a round thing.
     """
 
     spare_m: float = 0.035
@@ -48,9 +60,43 @@ class Pinch:
     off_center_cost: float = 5.0
     gap_m: float = 0.004
     tilts_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
+    deep_m: float = 0.012
+    low: float = 0.45
+    steep: float = 0.3
+    margin_m: float = 0.004
+    tilt_cost: float = 0.4
+    before_cost: float = 3.0
+    shallow_cost: float = 4.0
+    aside_cost: float = 0.3
+    same_m: float = 0.005
+    slack_m: tuple[float, float] = (0.002, 0.008)
+    step_m: float = 0.004
+    upright: float = 0.95
 
 
 _PINCH = Pinch()
+
+
+@dataclass(frozen=True)
+class BarGrasp:
+    """How a bar is grasped.
+
+    Our choice: level, straight from its free side, and not from beyond the thing.
+
+    Attributes:
+        turns_rad: Turns of the approach about the bar [rad].
+        rising: Largest upward part of the approach [sine].
+        tilt_cost: Cost of each radian of its tilt from straight down,
+        turn_cost: and of each radian of its turn.
+    """
+
+    turns_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+    rising: float = 0.2
+    tilt_cost: float = 0.3
+    turn_cost: float = 0.3
+
+
+_BAR = BarGrasp()
 
 
 @dataclass(frozen=True)
@@ -66,6 +112,16 @@ class Rim:
         cost: Beside a pinch of the whole.
         tilts_rad: Along the rim [rad].
         covers: Cost of a hand right over the opening.
+        far_cost: Cost of each radian around the rim from the robot's side,
+        tilt_cost: and of each radian of tilt.
+        upright: Least cosine with the vertical of the axis of an open vessel.
+        lid_m: A lid is looked for so far inward of the edge and above it [m].
+        below_m: The wall is looked for so far below the edge [m],
+        from_m: from so far within the volume to beyond the thickest wall [m],
+        to_m: by this [m],
+        step_m: in such steps [m].
+        least_m: Depth of the tcp below the rim, at the least [m].
+        around: Places around a round rim.
     """
 
     opening_m: float = 0.056
@@ -74,6 +130,16 @@ class Rim:
     cost: float = 0.15
     tilts_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 0.9, -0.9)
     covers: float = 0.8
+    far_cost: float = 0.15
+    tilt_cost: float = 0.4
+    upright: float = 0.9
+    lid_m: tuple[float, float] = (0.01, 0.006)
+    below_m: float = 0.008
+    from_m: float = 0.004
+    to_m: float = 0.002
+    step_m: float = 0.001
+    least_m: float = 0.002
+    around: int = 16
 
 
 _RIM = Rim()
@@ -127,9 +193,9 @@ def grasps(scene: Scene, hand: Hand, name: str, bearing: float, off_center: bool
 def _on_bar(hand: Hand, bar: Bar, bearing: float) -> Iterator[Grasp]:
     """Toward the bar from its free side, closing across it."""
     ahead = np.array([np.cos(bearing), np.sin(bearing), 0.0])
-    for turn in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2):
+    for turn in _BAR.turns_rad:
         approach = Rotation.from_rotvec(turn * bar.axis).apply(-bar.outward)
-        if approach[2] > 0.2:
+        if approach[2] > _BAR.rising:
             continue
         tilt = float(np.arccos(np.clip(-approach[2], -1, 1)))
         # a hand does not come from beyond the thing
@@ -137,7 +203,8 @@ def _on_bar(hand: Hand, bar: Bar, bearing: float) -> Iterator[Grasp]:
         across = np.cross(bar.axis, approach)
         for sign in (1.0, -1.0):
             T = transform(hand_rotation(approach, sign * across), bar.center)
-            yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside, hand.opening_m)
+            cost = _BAR.tilt_cost * tilt + _BAR.turn_cost * abs(turn) + aside
+            yield Grasp(T, tilt, cost, hand.opening_m)
 
 
 def _pinches(
@@ -157,7 +224,7 @@ def _pinches(
 def _round(solids: Sequence[Solid]) -> bool:
     """Whether a thing is as wide from all sides."""
     return all(s.kind == "sphere" for s in solids) or all(
-        s.kind == "cylinder" and abs(s.T[2, 2]) > 0.95 for s in solids
+        s.kind == "cylinder" and abs(s.T[2, 2]) > _PINCH.upright for s in solids
     )
 
 
@@ -194,11 +261,12 @@ def _between_sides(
             _PINCH.nearer if half > _PINCH.long_m and not _round(solids) else _PINCH.nearer[:1]
         ):
             for tilt in _PINCH.tilts_rad:
-                for level in (top, *(z for z in levels if z < top - 0.005)):
+                for level in (top, *(z for z in levels if z < top - _PINCH.same_m)):
                     heights = (support, bottom, top, level)
                     grasp = _pinch(hand, middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
                     if grasp is not None and _between(hand, grasp.T_world_tcp, inside):
-                        grasp = replace(grasp, cost=grasp.cost + 0.3 * aside + _PINCH.nearer_cost * nearer)
+                        cost = grasp.cost + _PINCH.aside_cost * aside + _PINCH.nearer_cost * nearer
+                        grasp = replace(grasp, cost=cost)
                         yield from (_moved(grasp, off) for off in offs if abs(off) < _most(grasp, width))
                         break
 
@@ -220,13 +288,13 @@ def _clear(hand: Hand, grasp: Grasp, inside: Surroundings) -> bool:
     T = grasp.T_world_tcp
     return all(
         bool((inside.distance(matmul(centers, T[:3, :3].T) + T[:3, 3]) > radii - slack).all())
-        for (centers, radii), slack in ((hand.fingers(grasp.opening_m), 0.002), (hand.palm, 0.008))
+        for (centers, radii), slack in zip((hand.fingers(grasp.opening_m), hand.palm), _PINCH.slack_m, strict=True)
     )
 
 
 def _between(hand: Hand, T_world_tcp: Array, inside: Surroundings) -> bool:
     """Whether something of a thing is between the fingers' pads: over a part of it that juts out there may be none."""
-    y = np.arange(-hand.widest_m / 2, hand.widest_m / 2 + 1e-9, 0.004)
+    y = np.arange(-hand.widest_m / 2, hand.widest_m / 2 + 1e-9, _PINCH.step_m)
     pads = T_world_tcp[:3, 3] + hand.pad_m * T_world_tcp[:3, 2] + y[:, None] * T_world_tcp[:3, 1]
     return bool((inside.distance(pads) <= 0).any())
 
@@ -240,17 +308,19 @@ def _pinch(hand: Hand, middle: Array, heights: tuple[float, float, float, float]
     """
     support, bottom, top, level = heights
     s, c = float(np.sin(tilt)), float(np.cos(tilt))
-    z = top - max(0.012, (hand.room_m - radius * s) / max(c, 0.3))
-    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), support + hand.lowest(tilt))
-    if z > top + 0.004:
+    z = top - max(_PINCH.deep_m, (hand.room_m - radius * s) / max(c, _PINCH.steep))
+    z = min(max(z, bottom + _PINCH.low * (top - bottom)), level - _PINCH.deep_m)
+    z = max(z, support + hand.lowest(tilt))
+    if z > top + _PINCH.margin_m:
         return None
-    before = max(0.0, radius * s + (top - z) * c - hand.room_m + 0.004)
+    before = max(0.0, radius * s + (top - z) * c - hand.room_m + _PINCH.margin_m)
     if before > _PINCH.before_m:
         return None
     approach = np.array([np.cos(heading) * s, np.sin(heading) * s, -c])
     p = np.array([middle[0], middle[1], z]) - before * approach
     R = hand_rotation(approach, np.array([-np.sin(heading), np.cos(heading), 0.0]))
-    cost = 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012)
+    cost = _PINCH.tilt_cost * tilt + _PINCH.before_cost * before
+    cost += _PINCH.shallow_cost * max(0.0, z - top + _PINCH.deep_m)
     return Grasp(transform(R, p), tilt, cost, min(hand.opening_m, width + _PINCH.spare_m))
 
 
@@ -258,18 +328,19 @@ def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) ->
     """Across the upright wall around a volume, one finger inside, one outside, from above."""
     R, half = volume.T[:3, :3], volume.half_m
     up = R[:, 2] * np.sign(R[2, 2])
-    if up[2] < 0.9:
+    if up[2] < _RIM.upright:
         return
     rim = volume.T[:3, 3] + up * half[2]
     inner_floor = float(rim[2] - 2 * half[2])
     support = float(min(s.aabb()[0, 2] for s in solids))
     wall = Surroundings(solids)
+    within, above = _RIM.lid_m
     covered = max(0.0, min(1.0, hand.palm_reach_m / float(half[:2].min()) - 1.0))  # none of a bowl, nearly all of a cup
     for edge, outward in _edges(volume):
-        if wall.distance((rim + edge - 0.01 * outward + 0.006 * up)[None])[0] <= 0:
+        if wall.distance((rim + edge - within * outward + above * up)[None])[0] <= 0:
             continue  # a lid is on it
-        reach = np.arange(-0.004, _RIM.wall_m + 0.002, 0.001)
-        inside = wall.distance(rim + edge - 0.008 * up + reach[:, None] * outward) <= 0
+        reach = np.arange(-_RIM.from_m, _RIM.wall_m + _RIM.to_m, _RIM.step_m)
+        inside = wall.distance(rim + edge - _RIM.below_m * up + reach[:, None] * outward) <= 0
         if not inside.any():
             continue
         first = int(inside.argmax())
@@ -283,12 +354,12 @@ def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) ->
             # So deep along the fingers: deeper, slanted ones would meet a round rim where they cross it.
             deep = _RIM.depth_m * float(np.cos(tilt))
             z = max(float(at[2]) - deep, max(support, inner_floor) + hand.lowest(abs(tilt)))
-            if z > at[2] - 0.002:
+            if z > at[2] - _RIM.least_m:
                 continue
             approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)
             for sign in (1.0, -1.0):
                 T = transform(hand_rotation(approach, sign * outward), np.array([at[0], at[1], z]))
-                cost = _RIM.cost + 0.15 * far + 0.4 * abs(tilt) + _RIM.covers * covered
+                cost = _RIM.cost + _RIM.far_cost * far + _RIM.tilt_cost * abs(tilt) + _RIM.covers * covered
                 yield Grasp(T, abs(tilt), cost, _RIM.opening_m)
 
 
@@ -296,7 +367,7 @@ def _edges(volume: Solid) -> Iterator[tuple[Array, Array]]:
     """Places on the upper edge of a volume, from its middle (3,), with the direction out of it (3,)."""
     R, half = volume.T[:3, :3], volume.half_m
     if volume.kind == "cylinder":
-        for a in np.arange(16) * np.pi / 8:
+        for a in 2 * np.pi * np.arange(_RIM.around) / _RIM.around:
             outward = matmul(R, [np.cos(a), np.sin(a), 0.0])
             yield outward * half[0], outward
         return

@@ -141,6 +141,26 @@ class Comfort:
 _COMFORT = Comfort()
 
 
+@dataclass(frozen=True)
+class WorkPlace:
+    """What makes a base pose worse than another, by where the hand's work is as seen from it.
+
+    Our choice.
+
+    Attributes:
+        ahead: Cost of each meter off the most comfortable distance ahead.
+        lateral_m: Most comfortable offset to the side of the hand [m].
+        lateral: Cost of each meter off that.
+    """
+
+    ahead: float = 1.2
+    lateral_m: float = 0.16
+    lateral: float = 0.5
+
+
+WORK_PLACE = WorkPlace()
+
+
 @dataclass(frozen=True, eq=False)
 class Standing:
     """The body once the torso has moved, and how the other hand was kept level meanwhile."""

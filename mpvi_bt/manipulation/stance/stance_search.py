@@ -13,7 +13,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.stance.detour import Detours
 from mpvi_bt.manipulation.stance.postures import TOUCH_M, stance_at
-from mpvi_bt.manipulation.stance.site import KNOWN_M, Site
+from mpvi_bt.manipulation.stance.site import KNOWN_M, WORK_PLACE, Site
 from mpvi_bt.manipulation.stance.stance import Option, Stance
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
@@ -36,12 +36,18 @@ class BaseParameters:
         step_m: Between checks on the way in [m].
         laterals_m: From straight ahead of the place to the side of the hand [m].
         turns_rad: From the way to the place, the plainest first [rad].
+        best_m: Most comfortable distance to the place [m].
+        way_cost: Cost of each meter of driving,
+        turn_cost: and of each radian of `turns_rad`.
     """
 
     glance: float = 0.25
     checked: int = 12
     been_m: float = 0.4
     step_m: float = 0.06
+    best_m: float = 0.58
+    way_cost: float = 0.6
+    turn_cost: float = 0.3
     laterals_m: tuple[float, ...] = (0.0, 0.10, 0.18, 0.26)
     # fmt: off
     turns_rad: tuple[float, ...] = (
@@ -228,6 +234,7 @@ def _bases(here: Array, focus: Array, side: Side) -> Array:
     yaw, y = bearing + turn, lateral * SIGN[side]
     c, s = np.cos(yaw), np.sin(yaw)
     xy = focus - np.stack([c * distance - s * y, s * distance + c * y], -1)
-    near = 0.6 * norm(xy - here[:2], axis=1) + 0.3 * np.abs(turn)
-    cost = near + 1.2 * np.abs(distance - 0.58) + 0.5 * np.abs(lateral - 0.16)
+    near = _BASES.way_cost * norm(xy - here[:2], axis=1) + _BASES.turn_cost * np.abs(turn)
+    ahead = WORK_PLACE.ahead * np.abs(distance - _BASES.best_m)
+    cost = near + ahead + WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m)
     return np.column_stack([xy, kin.wrap(yaw)])[np.argsort(cost, kind="stable")]
