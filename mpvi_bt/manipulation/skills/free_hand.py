@@ -12,8 +12,8 @@ from mpvi_bt.robot.solids import Array
 def with_a_free_hand(perform: Perform) -> Perform:
     """A motion that, where hands are full, has what is in its way set down on the floor, and begins anew.
 
-    Our choice: a hand that was to be empty by now holds what an earlier unit could not set down, and that unit is over.
-    Held on to, that one thing would cost every later one, too.
+    Our choice: the payload was left in the hand by an earlier unit that could not set it down. Kept there, it would
+    make every later unit fail, too.
     """
 
     def freed(work: Work, words: Words, tried: list[Array]) -> Actions:

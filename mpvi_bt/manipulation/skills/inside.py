@@ -40,11 +40,12 @@ Look = Generator[Array, None, bool]  # returns whether there was a way to look f
 
 
 def looks_inside(work: Work, name: str) -> Iterator[Look]:
-    """Looks into a thing, one after the other, for whoever did not find room in it by what has been seen so far.
+    """Looks into a container, one after the other, for as long as no room has been found in it.
 
-    It may have been seen in part only, or from beside, or past what is carried. So it looks from where it stands if it
-    knows of no room at all, then from before what stands open, turned to it and, still without any, to both sides, from
-    farther off, and from around. The truth needs no looks, and what the robot carries is looked at where it is.
+    It may have been seen in part, from the side, or past a payload. The order of viewpoints: where the robot stands, if
+    it knows of no volume at all; before a door that stands open; turned to the container and, if there is still no
+    volume, to both sides; farther off; around it. An exact scene needs no looks, and a container that the robot carries
+    is looked at where it is.
     """
     yield _from_here(work, name)
     if not work.scene.exact and name not in work.carried():

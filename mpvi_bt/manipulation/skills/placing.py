@@ -143,11 +143,11 @@ class Pose:
 
 
 def leaning(work: Work, held: Held, lean: float) -> Array | None:
-    """The rotation (3, 3) of a thing that leans so far; None if it would fall over from there, or what is in it out.
+    """The rotation (3, 3) of a payload with a lean [rad]; None if it would not come to rest from there.
 
-    What leans a little comes to stand, what lies nearly flat comes to lie; what is between falls anywhere, but a ball.
-    So does what is flat and would come to stand on end, such as a pen.
-    What has things in it leans hardly more than it does in the hand.
+    A payload that leans a little comes to stand, one that is nearly flat comes to lie; in between it falls anywhere,
+    unless it is a ball. So does a flat one that would have to stand on end, such as a pen. A container with things in
+    it leans hardly more than it does in the hand.
     """
     now = work.scene.pose(held.name)[:3, :3]
     upright = _upright(_as_taken(work, held))
@@ -328,9 +328,9 @@ def _slides_past(hand: Hand, held: Held, way: Array, opening_m: float) -> bool:
 
 
 def _as_taken(work: Work, held: Held) -> Array:
-    """How a thing was turned (3, 3) when a hand took it, but about the vertical as it is now.
+    """The rotation (3, 3) that a payload had when it was grasped, with the yaw that it has now.
 
-    Who failed to lay a bottle down carries it on its side, and still knows that it stood.
+    A bottle that could not be laid down is carried on its side; it is still known that it stood upright.
     """
     now = work.scene.pose(held.name)[:3, :3]
     if held.side not in work.grasped:

@@ -269,9 +269,9 @@ def _below(work: Work, held: Held, target: str, places: Array) -> NDArray[np.boo
 def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
     """Poses next to a thing on what it stands on, as near as counts; those on the robot's side of it first.
 
-    Those come before all others that are level with a part of it, as BEHAVIOR wants it: by a leg of a table, not
-    between its legs. Of these those come first that do not stand out over an edge: there an arm brushes things off.
-    Who comes for what lies on it, such as a book on a bed, is left room to stand before that.
+    Poses that are level with a part of the thing come before all others, as BEHAVIOR's predicate requires: beside a leg
+    of a table, not between its legs. Of these, poses that do not stand out over an edge come first, as arms brush such
+    payloads off. Before what lies on the thing, such as a book on a bed, room is left to stand and take that.
     """
     near = work.motion.felt.base_pose[:2]
     below = work.scene.obstacles(near, NEAR_M, without={held.name, *work.scene.within(held.name)})
@@ -406,11 +406,11 @@ def _within(volumes: Sequence[Solid], p: Array) -> bool:
 
 
 def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[Array]:
-    """Spots (3,) in the order in which to fill a compartment from before it (2,): its back and its corners come first.
+    """Spots (3,) of a compartment in the order in which to fill it from `near` (2,): back and corners first.
 
-    Each spot bars those nearer than `apart` [m] for what is as large, the fewest in a corner. Of those in order each is
-    that far from those before it, while it can be: where one is out of reach, those around it mostly are as well. Every
-    second is the nearest one left, for where no arm reaches the back.
+    A payload takes up all spots nearer than `apart` [m] to its own; in a corner these are the fewest. Spots that are at
+    least `apart` from all before them come first: where one is out of reach, its neighbors mostly are, too. Every
+    second spot is the nearest one that is left, in case no arm reaches the back.
     """
     if not spots:
         return []
