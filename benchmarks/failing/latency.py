@@ -38,8 +38,8 @@ CURVES = [(late, trigger) for trigger in TRIGGERS for late in LATE]
 COLUMNS = (
     Column(head="d, steps"),
     Column(head="s", format=".2f"),
-    *(Column(head=f"q, {late}, {trigger}", format=".2f") for late, trigger in CURVES),
-    *(Column(head=f"simulated s, {late}, {trigger}", format=".0f") for late, trigger in CURVES),
+    *(Column(head=f"q: {late}, {trigger}", format=".2f") for late, trigger in CURVES),
+    *(Column(head=f"simulated s: {late}, {trigger}", format=".0f") for late, trigger in CURVES),
     Column(head="stale actions", format=".2f"),
 )
 _KEY = ("task", "instance", "steps", "late", "trigger")
@@ -93,20 +93,27 @@ def rows(found: Sequence[Mapping[str, Any]]) -> list[list[Cell]]:
 
 
 def plot(table: Sequence[Sequence[Cell]]) -> str:
-    """q at each d as bars, one for each curve, as SVG."""
-    width, left, tall, bar = 700.0, 34.0, 170.0, 17.0
-    drawing = Drawing("q by latency", width)
-    top = drawing.legend(0, [(f"m{i + 1}", f"{late}, {trigger}") for i, (late, trigger) in enumerate(CURVES)]) + 12
-    for tick in (0.0, 0.5, 1.0):
-        y = top + tall * (1 - tick)
+    """Simulated time at each d as bars, one for each curve, hatched where goals were missed, as SVG."""
+    width, left, tall, bar = 700.0, 44.0, 170.0, 17.0
+    n = len(CURVES)
+    drawing = Drawing("Simulated time of an episode by latency", width)
+    marks = [(f"m{i + 1}", f"{late}, {trigger}") for i, (late, trigger) in enumerate(CURVES)]
+    top = drawing.legend(0, [*marks, ("same hatched", "q below 1")]) + 12
+    longest = max((s for row in table for s in row[2 + n : 2 + 2 * n] if isinstance(s, float)), default=1.0)
+    for tick in range(0, int(longest) + 1, 20):
+        y = top + tall * (1 - tick / longest)
         drawing.line(left, y, width, y, "grid")
-        drawing.text(left - 6, y + 4, f"{tick:g}", "dim small", "end")
+        drawing.text(left - 6, y + 4, f"{tick} s", "dim small", "end")
     group = (width - left) / len(table)
     for k, (steps, seconds, *values) in enumerate(table):
-        x = left + group * k + (group - bar * len(CURVES)) / 2
-        for i, q in enumerate(values[: len(CURVES)]):
-            if isinstance(q, float):
-                drawing.rect(x + bar * i, top + tall * (1 - q), bar - 3, max(tall * q, 1), f"m{i + 1}", f"q {q:.2f}")
+        x = left + group * k + (group - bar * n) / 2
+        for i, (q, taken_s) in enumerate(zip(values[:n], values[n : 2 * n], strict=True)):
+            if isinstance(q, float) and isinstance(taken_s, float):
+                high = tall * taken_s / longest
+                box = x + bar * i, top + tall - high, bar - 3, high
+                drawing.rect(*box, f"m{i + 1}", f"{taken_s:.0f} s, q {q:.2f}")
+                if q < 1:
+                    drawing.hatch(*box)
         drawing.text(left + group * (k + 0.5), top + tall + 16, f"d = {steps}", "small", "middle")
         drawing.text(left + group * (k + 0.5), top + tall + 30, f"{seconds:.2f} s", "dim small", "middle")
     return drawing.svg(top + tall + 38, alone=True)
@@ -117,7 +124,7 @@ def plot(table: Sequence[Sequence[Cell]]) -> str:
 @click.option("--instances", default="0-2", show_default=True, help="First and last.")
 @click.option("--out", default=Path("runs/latency.jsonl"), show_default=True, type=click.Path(path_type=Path))
 @click.option("--table", "only_table", is_flag=True, help="Play nothing; tell what the file has.")
-@click.option("--plot", "picture", type=click.Path(path_type=Path), help="Draw q there, as SVG.")
+@click.option("--plot", "picture", type=click.Path(path_type=Path), help="Draw the times there, as SVG.")
 @keeping
 def main(tasks: str, instances: str, out: Path, only_table: bool, picture: Path | None, **kept: str) -> None:
     """Play what is missing, instance by instance, then print q and time at each latency."""
