@@ -604,7 +604,7 @@ def mistaken(answer: bool, address: str, seed: int = 0) -> tuple[MistakenChecker
     """A checker that always gives one answer, with errors, and its clock."""
     clock = Steps()
     checker = ScriptedChecker({"c": (answer,), "d": (answer,)}, needs_image=False)
-    return MistakenChecker(checker, CheckErrors.read(address, "scripted"), clock, seed), clock
+    return MistakenChecker(checker, CheckErrors.read(address, "checker scripted"), clock, seed), clock
 
 
 def answers(checker: Checker, clock: Steps, criterion: str = "c", n: int = 4000) -> list[bool]:

@@ -16,7 +16,7 @@ from mpvi_bt.drawing.endings import ENDED, ended
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
 from mpvi_bt.goals.evaluate import Condition, GoalReport
-from mpvi_bt.recording.pictures import PathPicture, path_picture
+from mpvi_bt.recording.path_picture import PathPicture, path_picture
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.testing import KinematicWorld, scripted_context

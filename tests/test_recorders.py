@@ -17,7 +17,7 @@ from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording import search_colors as colors
 from mpvi_bt.recording.frame_text import SIZE, Caption
-from mpvi_bt.recording.pictures import PathPicture, path_picture
+from mpvi_bt.recording.path_picture import PathPicture, path_picture
 from mpvi_bt.recording.video import Follower, Video, compose
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1

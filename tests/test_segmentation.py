@@ -124,7 +124,7 @@ def test_errors_are_told_in_one_line() -> None:
     )
     assert detector.name == "segmentation:miss=0.1,confuse=0.05,jitter=2"
     assert (Guarded(detector).name, Guarded(detector).note) == (detector.name, detector.note)
-    assert DetectionErrors.read(detector.name.partition(":")[2]) == DetectionErrors(0.1, 0.05, 2.0)
+    assert DetectionErrors.read(detector.name.partition(":")[2], "x") == DetectionErrors(0.1, 0.05, 2.0)
 
 
 def test_each_thing_is_missed_as_often_as_it_should_be() -> None:
@@ -221,7 +221,7 @@ def test_an_address_is_read_as_it_is_written(miss: float, confuse: float, jitter
     """What is off may be left out; the order does not matter."""
     sizes = {"miss": miss, "confuse": confuse, "jitter": jitter}
     written = ", ".join(f"{name} = {size!r}" for name, size in reversed(sizes.items()) if size)
-    assert DetectionErrors.read(written) == DetectionErrors(**sizes)
+    assert DetectionErrors.read(written, "x") == DetectionErrors(**sizes)
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_an_address_is_read_as_it_is_written(miss: float, confuse: float, jitter
 def test_an_address_that_makes_no_sense_is_refused(address: str, says: str) -> None:
     """With what was given, what would be valid, and the nearest name."""
     with pytest.raises((UserError, UnknownName)) as caught:
-        DetectionErrors.read(address)
+        DetectionErrors.read(address, "detector segmentation")
     assert says in str(caught.value)
     assert "detector segmentation" in str(caught.value)
 

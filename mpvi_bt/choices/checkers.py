@@ -39,7 +39,7 @@ def make_checker(given: str, world: World | RemoteWorld, vocabulary: Vocabulary,
     choice = choose("checker", given)
     checker: Checker = choice.make(world=world, vocabulary=vocabulary, seed=seed, models=models)
     if choice.backend.errs and choice.address:
-        return MistakenChecker(checker, CheckErrors.read(choice.address, choice.name), world, seed)
+        return MistakenChecker(checker, CheckErrors.read(choice.address, f"checker {choice.name}"), world, seed)
     return checker
 
 
@@ -62,7 +62,8 @@ def doubt(config: EpisodeConfig) -> str:
     choice = choose("checker", config.checker)
     if not (choice.backend.errs and choice.address):
         return ""
-    return f"checker {choice.name} {CheckErrors.read(choice.address, choice.name)}"
+    name = f"checker {choice.name}"
+    return f"{name} {CheckErrors.read(choice.address, name)}"
 
 
 def visual(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:

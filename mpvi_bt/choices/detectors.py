@@ -31,7 +31,7 @@ def segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
     """
     from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
 
-    return SegmentationDetector(vocabulary, errors=DetectionErrors.read(address), seed=seed)
+    return SegmentationDetector(vocabulary, errors=DetectionErrors.read(address, "detector segmentation"), seed=seed)
 
 
 def grounding_dino(address: str) -> Detector:

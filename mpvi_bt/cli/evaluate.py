@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mpvi_bt.cli.given import Name, check_writable
+from mpvi_bt.cli.given import Name, check_writable, out_folder
 from mpvi_bt.cli.status import Status
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
@@ -62,14 +61,7 @@ EVERY_S = 0.5  # the status line is drawn anew
     metavar="SECONDS",
     help="Wait so long for the server to start.",
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default="runs/evaluated",
-    show_default=True,
-    metavar="DIR",
-    help="Folder of the results, in the evaluator's layout.",
-)
+@out_folder("runs/evaluated", "Folder of the results, in the evaluator's layout.")
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_json: bool, **given: Any) -> int:
     """Drive a server through TASK as BEHAVIOR's evaluator does, in our house instead of its scenes.

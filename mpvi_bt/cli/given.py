@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +151,12 @@ def serve(command: Any) -> Any:
         metavar="[[HOST:]PORT]",
         help="Serve a page that shows it live; without a port at 8420 or the next free one.",
     )(command)
+
+
+def out_folder(default: str, help: str) -> Callable[[Any], Any]:
+    """The option that says where results go."""
+    kind = click.Path(file_okay=False, path_type=Path)
+    return click.option("--out", type=kind, default=default, show_default=True, metavar="DIR", help=help)
 
 
 def arguments(params: Iterable[str]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import check_writable
+from mpvi_bt.cli.given import check_writable, out_folder
 from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.errors import UserError
 
@@ -21,14 +21,7 @@ if TYPE_CHECKING:
 @click.command()
 @serving
 @click.option("--allow-motion", is_flag=True, help="Let runs move the robot; without it every run is dry.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default="runs/mcp",
-    show_default=True,
-    metavar="DIR",
-    help="A folder below it for each run: its tree, trace and result.",
-)
+@out_folder("runs/mcp", "A folder below it for each run: its tree, trace and result.")
 def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
     """Be a server of the Model Context Protocol, on stdin and stdout, or with --serve over HTTP.
 

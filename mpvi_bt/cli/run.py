@@ -20,6 +20,7 @@ from mpvi_bt.cli.given import (
     complete_param,
     complete_path,
     given_here,
+    out_folder,
     serve,
 )
 from mpvi_bt.cli.score import brief_score, score
@@ -61,14 +62,7 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
     shell_complete=complete_path,
 )
 @click.option("--step", is_flag=True, help="Pause at every change.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default="runs",
-    show_default=True,
-    metavar="DIR",
-    help="Folder of result and trace.",
-)
+@out_folder("runs", "Folder of result and trace.")
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened tick by tick.")
 @click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
 @serve

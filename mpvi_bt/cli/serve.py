@@ -8,7 +8,6 @@ import json
 import os
 import signal
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,7 +15,7 @@ from click.shell_completion import CompletionItem
 
 from mpvi_bt.choices.backends import BACKENDS, choose
 from mpvi_bt.choices.config import ASKING, METHOD, EpisodeConfig
-from mpvi_bt.cli.given import Choice, Name, arguments, check_writable, complete_param, given_here
+from mpvi_bt.cli.given import Choice, Name, arguments, check_writable, complete_param, given_here, out_folder
 from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.cli.status import Status
 from mpvi_bt.errors import PolicyError, UserError
@@ -94,14 +93,7 @@ class _Served(Choice):
 @settings("tree", "plan")
 @method("robot", *_HERE)
 @settings(*_HERE, *ASKING)
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default="runs",
-    show_default=True,
-    metavar="DIR",
-    help="Folder of the executive's results and traces.",
-)
+@out_folder("runs", "Folder of the executive's results and traces.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: the address, and a summary at the end.")
 def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bool, **executive: Any) -> int:
     """Serve POLICY by openpi's protocol until Ctrl-C: a websocket, GET /healthz, GET /metrics.

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpvi_bt.perception.sizes import read_sizes
+from mpvi_bt.perception.sizes import Mistakes
 from mpvi_bt.protocols import Checker, Clock, Judgement
 from mpvi_bt.robot.protocol import CameraImage
 
-_LONGEST_S = 600.0
-
 
 @dataclass(frozen=True)
-class CheckErrors:
+class CheckErrors(Mistakes):
     """How often a checker errs, and how long it takes; 0 switches each off.
 
     Attributes:
@@ -23,6 +21,9 @@ class CheckErrors:
         fn: Probability that a yes becomes a no.
         latency: How long every answer takes [s], in simulated time.
     """
+
+    MOST = {"fp": 1.0, "fn": 1.0, "latency": 600.0}
+    EXAMPLE = "fp=0.05,fn=0.1,latency=1"
 
     fp: float = 0.0
     fn: float = 0.0
@@ -32,23 +33,6 @@ class CheckErrors:
         """One line for a person."""
         took = f", each after {self.latency:g} s" if self.latency else ""
         return f"says yes to {self.fp:.1%} of what it sees undone and no to {self.fn:.1%} of what it sees done{took}"
-
-    @classmethod
-    def read(cls, address: str, checker: str) -> CheckErrors:
-        """The errors of an address such as "fp=0.05,fn=0.1,latency=1"; what it does not name is off.
-
-        Raises:
-            UnknownName: There is no such mistake.
-            UserError: It is not written so, a size is out of range, or given twice.
-        """
-        most = {"fp": 1.0, "fn": 1.0, "latency": _LONGEST_S}
-        return cls(**read_sizes(address, most, f"checker {checker}", "fp=0.05,fn=0.1,latency=1"))
-
-    @property
-    def address(self) -> str:
-        """As `read` takes it, what is off left out."""
-        sizes = {f.name: getattr(self, f.name) for f in fields(self)}
-        return ",".join(f"{name}={size:g}" for name, size in sizes.items() if size)
 
 
 class MistakenChecker:

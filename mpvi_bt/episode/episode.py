@@ -35,7 +35,7 @@ from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.protocols import Policy
 from mpvi_bt.recording.demonstration import Demonstration
-from mpvi_bt.recording.pictures import PathPicture
+from mpvi_bt.recording.path_picture import PathPicture
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.recording.rerun_log import RerunLog
 from mpvi_bt.recording.video import Video

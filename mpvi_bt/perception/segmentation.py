@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +11,18 @@ from scipy import ndimage
 
 from mpvi_bt.perception.detector import ROBOT, SWITCH, Detection, switch_of
 from mpvi_bt.perception.phrases import Vocabulary, read
-from mpvi_bt.perception.sizes import read_sizes
+from mpvi_bt.perception.sizes import Mistakes
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 NAME = "segmentation"
 LEAST_PX = 20
 LOWEST_SCORE = 0.35  # of a detector that confuses: the usual threshold of Grounding DINO
-_MOST_JITTER_PX = 50.0
 _TABLE = 1 << 20  # label ids below this are looked up in a table
 
 
 @dataclass(frozen=True)
-class DetectionErrors:
+class DetectionErrors(Mistakes):
     """How often and how far the detector errs; 0 switches a mistake off.
 
     The robot's own parts are never mistaken. Our choice: draws of one picture say nothing of the next one.
@@ -36,6 +35,9 @@ class DetectionErrors:
         jitter: Standard deviation of each edge of a box [px]; its mask is stretched along.
     """
 
+    MOST = {"miss": 1.0, "confuse": 1.0, "jitter": 50.0}
+    EXAMPLE = "miss=0.1,confuse=0.05,jitter=2"
+
     miss: float = 0.0
     confuse: float = 0.0
     jitter: float = 0.0
@@ -43,23 +45,6 @@ class DetectionErrors:
     def __str__(self) -> str:
         """One line for a person."""
         return f"misses {self.miss:.1%}, confuses {self.confuse:.1%}, edges off by {self.jitter:g} px"
-
-    @classmethod
-    def read(cls, address: str) -> DetectionErrors:
-        """The errors of an address such as "miss=0.1,confuse=0.05,jitter=2"; what it does not name is off.
-
-        Raises:
-            UnknownName: There is no such mistake.
-            UserError: It is not written so, a size is out of range, or given twice.
-        """
-        most = {"miss": 1.0, "confuse": 1.0, "jitter": _MOST_JITTER_PX}
-        return cls(**read_sizes(address, most, f"detector {NAME}", "miss=0.1,confuse=0.05,jitter=2"))
-
-    @property
-    def address(self) -> str:
-        """As `read` takes it, what is off left out."""
-        sizes = {f.name: getattr(self, f.name) for f in fields(self)}
-        return ",".join(f"{name}={size:g}" for name, size in sizes.items() if size)
 
 
 NO_ERRORS = DetectionErrors()

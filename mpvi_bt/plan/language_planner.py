@@ -14,7 +14,7 @@ from mpvi_bt.language.thinking import spoken
 from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.answer_form import answer_schema, read_segment
 from mpvi_bt.plan.check import plan_problems
-from mpvi_bt.plan.examples import examples
+from mpvi_bt.plan.example_plans import examples
 from mpvi_bt.plan.history import History
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.planning_context import Grounding
@@ -35,7 +35,7 @@ class LanguagePlanner:
         model: Whom to ask.
         skills: What the robot can do, by name.
         grounding: What is where; None: the model is told nothing of that, and nothing is compared with it.
-        recorded: Plans on file, some of which serve as examples; see `mpvi_bt.plan.examples`.
+        recorded: Plans on file, some of which serve as examples; see `mpvi_bt.plan.example_plans`.
         without: Names of those that must not.
         last_answer: File for the last answer where it is no plan; None: it is not kept.
         tell: Is told in a line what is being done.
