@@ -80,9 +80,7 @@ class PointMemory:
         return np.concatenate([target, np.resize(around, (CONTEXT_POINTS, 3))])
 
     def _look_around(self, image: CameraImage, other: NDArray[np.bool_]) -> None:
-        sparse = np.zeros_like(other)
-        sparse[::_EVERY_PX, ::_EVERY_PX] = other[::_EVERY_PX, ::_EVERY_PX]
-        rows, columns = np.nonzero(sparse)
+        rows, columns = (_EVERY_PX * at for at in np.nonzero(other[::_EVERY_PX, ::_EVERY_PX]))
         points = in_world(image, columns + 0.5, rows + 0.5, image.depth[rows, columns].astype(float))
         near = points[norm(points - self.middle) < _AROUND_M]
         if len(near) >= _LEAST_AROUND_PX:
