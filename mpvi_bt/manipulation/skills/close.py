@@ -40,21 +40,21 @@ from mpvi_bt.shapes.moving_parts import Door
 class Shutting:
     """When a door is closed, by sight and by what the fist feels that pushes it.
 
-    Our choice. `felt` figures are for doors of which the state is known exactly; the others for doors that are only
-    seen, whose place and angle are off, so that the fist has to go on until something stops it.
+    Our choice. In an exact scene contact only confirms that a door is shut. Where a door is only seen, place and angle
+    are off, and the fist goes on until something stops it.
 
     Attributes:
         doors: Doors that one call closes, at the most.
         closed: A door that is open by less counts as closed [ratio of its limit].
         facing: Cosine between the outward directions of two fronts that are on the same side of a thing.
         same_m: A door whose middle is still this near to where it was has not moved [m].
-        nearly: Progress of the push from which a felt door may be shut [ratio].
-        felt_m: How far a felt door that is shut holds the fist off its target [m].
-        beyond: How far past the closed position the fist pushes a felt door [rad or m]: arms give way.
-        unsure_rad: The same for a hinged door that is only seen [rad],
+        nearly: In an exact scene, progress of the push from which the door may be shut [ratio].
+        exact_m: There, how far a door that is shut holds the fist off its target [m].
+        beyond: There, how far past the closed position that target is [rad or m]: arms give way.
+        unsure_rad: For a hinged door that is only seen, how far past the closed position the target is [rad],
         unsure_m: and for a drawer that is only seen [m].
-        moving: Progress of the push from which a seen door may be shut [ratio]: it resists as it begins to move, too.
-        stopped_m: How far a seen door that is shut holds the fist off its target [m],
+        moving: Progress from which a door that is only seen may be shut [ratio]: it resists as it begins to move, too.
+        stopped_m: How far such a door, once shut, holds the fist off its target [m],
         stopped_steps: for so many control steps in a row.
         home: Part of the way that may be left where a door stops that counts as brought home [ratio].
         aslant: Sideways part of the fist's retreat, toward the hinge, to keep clear of the bar [tangent].
@@ -65,7 +65,7 @@ class Shutting:
     facing: float = 0.7
     same_m: float = 0.1
     nearly: float = 0.85
-    felt_m: float = 0.010
+    exact_m: float = 0.010
     beyond: float = 0.03
     unsure_rad: float = 0.2
     unsure_m: float = 0.06
@@ -243,7 +243,7 @@ def _push_home(
     def shut(x: float) -> bool:  # a shut door resists; to go on pushing would only shove the robot back
         nonlocal held_up, left
         if work.scene.exact:
-            return x > _SHUT.nearly and resistance(motion, side) > _SHUT.felt_m
+            return x > _SHUT.nearly and resistance(motion, side) > _SHUT.exact_m
         held_up = held_up + 1 if resistance(motion, side) > _SHUT.stopped_m and x > _SHUT.moving else 0
         left = door.position - way * x
         return held_up >= _SHUT.stopped_steps

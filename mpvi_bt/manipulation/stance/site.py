@@ -25,7 +25,7 @@ from mpvi_bt.robot.solids import Array, Solid, box
 from mpvi_bt.scene.held import Held
 
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))  # our choice: its top is the floor, and no house is as wide
-KNOWN_M = 1.4  # our choice: obstacles are known this far around the base; farther off there may be walls that are not
+KNOWN_M = 1.4  # our choice: walls this near to the base are among the obstacles; farther ones may not be
 _VIEWS = 16  # our choice: views of the surroundings that are kept
 
 
