@@ -33,6 +33,8 @@ COLUMNS = (
     Column(head="q with", format=".2f"),
     Column(head="difference, 95 %"),
     Column(head="won back"),
+    Column(head="simulated s without", format=".0f"),
+    Column(head="s with", format=".0f"),
     Column(head="alarms an episode", format=".2f"),
     Column(head="second tries an episode", format=".2f"),
 )
@@ -75,6 +77,7 @@ def row(name: str, without: Mapping[Key, Result], with_: Mapping[Key, Result], c
         float(after),
         f"{after - before:+.2f}{interval}",
         f"{(after - before) / cost:.0%}".replace("%", " %") if name != "clean" and cost > 0 else None,
+        *(float(np.mean([arm[key].time.simulator_time for key in pairs])) for arm in (without, with_)),
         float(np.mean([sum(h["reason"] == "alarm" for h in each) for each in handoffs])),
         float(np.mean([sum("again from another place" in str(h["path"]) for h in each) for each in handoffs])),
     ]

@@ -45,7 +45,8 @@ def test_a_signal_alone_finds_what_two_in_agreement_do_not() -> None:
 
 
 def result(q: float, *handoffs: tuple[str, str]) -> Any:
-    return SimpleNamespace(q=q, handoffs=[{"path": path, "reason": reason} for path, reason in handoffs])
+    taken = SimpleNamespace(simulator_time=100.0 - 40 * q)
+    return SimpleNamespace(q=q, time=taken, handoffs=[{"path": path, "reason": reason} for path, reason in handoffs])
 
 
 def test_only_pairs_count_and_each_task_as_much_as_another() -> None:
@@ -53,9 +54,10 @@ def test_only_pairs_count_and_each_task_as_much_as_another() -> None:
     without = {("a", 0): result(0.0), ("a", 1): result(1.0), ("b", 0): result(0.0), ("b", 1): result(0.0)}
     with_ = {**without, ("a", 0): result(1.0, ("unit/hand over", "alarm"), ("again from another place/x", ""))}
     del with_["b", 1]
-    name, pairs, before, after, _, won, alarms, again = row("freeze", without, with_, clean_q=0.75)
+    name, pairs, before, after, _, won, before_s, after_s, alarms, again = row("freeze", without, with_, clean_q=0.75)
     assert (name, pairs, before, after) == ("freeze", 3, 0.25, 0.5)
     assert won == "50 %"
+    assert (before_s, after_s) == (pytest.approx(260 / 3), pytest.approx(220 / 3))
     assert alarms == again == pytest.approx(1 / 3)
     assert row("clean", without, with_, clean_q=0.75)[5] is None
 
