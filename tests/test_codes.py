@@ -21,13 +21,14 @@ PAGE = (PACKAGE.parent / "docs" / "codes.md").read_text()
 LISTED = re.findall(r"^\| `([a-z-]+)` \|", PAGE, re.MULTILINE)
 ELSEWHERE = ("btcpp/*.py", "trace/*.py")  # have pages of their own
 SAYS = {"problem", "_problem", "_refuse", "_stop", "stop", "head"}  # methods
-NAMES_OF_TASKS = {"problem", "house", "plan", "tree"}  # `check_task` looks these up in a loop
+# Looked up by names that are no literals, in `check_task` and `value_problems`.
+LOOKED_UP = {"problem", "house", "plan", "tree", "settings", "backend"}
 
 
 def said() -> Iterator[str]:
     """Every code that the package's source gives to a problem."""
     yield from {*_CODES.values(), "wrong-type", "invalid-value"}
-    yield from (f"unknown-{name}" for name in NAMES_OF_TASKS)
+    yield from (f"unknown-{name}" for name in LOOKED_UP)
     for path in PACKAGE.rglob("*.py"):
         if not any(path.match(pattern) for pattern in ELSEWHERE):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
