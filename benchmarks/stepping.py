@@ -7,7 +7,8 @@ physics steps a control step, and nothing else. The two alternate within one run
 both. For the second the robot drives through the house; planning and following are timed against stepping the world,
 step by step in turn. A first round, which loads what is compiled, does not count. Then it searches the house for
 things, with a map and without: what looking, mapping and planning add, what rendering adds, and how many pictures a
-second of wall time that makes.
+second of wall time that makes. Last, at the start of a task with few rules and of one with many, the robot rests: what
+the rules of heat, blades, switches and marks cost beside physics that has nothing to do.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ import numpy as np
 from benchmarks.searches.play import Job, play
 from mpvi_bt.house.house import load_house
 from mpvi_bt.house.prior_map import prior_map
+from mpvi_bt.instances.instances import begin, expanded_problem
+from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.protocols import Progress
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
@@ -30,6 +33,7 @@ from mpvi_bt.things.catalogue import load_catalogue
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
 DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")
 SEARCHES = (20, 22, 24)  # seeds; any do but those of the final table
+RESTING = ("picking_up_trash", "make_pizza")
 
 
 def main() -> None:
@@ -45,6 +49,8 @@ def main() -> None:
     play(Job(SEARCHES[0]))
     for given in ("prior", "online"):
         searching(given)
+    for name in RESTING:
+        resting(name)
 
 
 def against_bare(world: World) -> None:
@@ -107,6 +113,21 @@ def searching(given: str) -> None:
     print(f"  rendering, of the cost of stepping               {total['rendering'] / total['stepping']:8.1%}")
     print(f"  pictures a second of wall time, all told         {pictures / sum(total.values()):6.1f}")
     print(f"  navigation for each picture                      {1e3 * total['navigation'] / pictures:6.2f} ms")
+
+
+def resting(name: str) -> None:
+    """What a control step costs at the start of a task, nothing moving."""
+    task = load_task(name)
+    house = load_house(task.house)
+    world, _ = begin(task, house, load_catalogue(), expanded_problem(task, house), 0, render=False)
+    action = world.robot.action
+    costs = []
+    for _ in range(ROUNDS):
+        started = time.perf_counter()
+        for _ in range(STEPS):
+            world.step(action)
+        costs.append((time.perf_counter() - started) / STEPS)
+    print(f"resting at the start of {name:18}        {1e3 * statistics.median(costs):8.2f} ms a step")
 
 
 if __name__ == "__main__":

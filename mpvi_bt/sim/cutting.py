@@ -72,6 +72,7 @@ class Cutting:
         """What can be cut and the blade of a tool presses on, by the contacts of the last physics step."""
         there = self._presence.there
         names = [name for name in self._kinds if name in there]
+        # What sleeps has pressed before it fell asleep, and physics tells its contacts of then.
         if not names or tool.root_body.is_sleeping:
             return []
         blades = [_grown(blade.moved(tool.T_world_body())) for blade in self._blades[tool.name]]
