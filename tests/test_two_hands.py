@@ -12,20 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.goals.predicates import ontop
+from mpvi_bt.manipulation.motion.both_hands import look_over, open_wide, together
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
+from mpvi_bt.manipulation.skills.box_grip import Box, behind, boxes_about, carcass, way_behind
+from mpvi_bt.manipulation.skills.lift import lift
 from mpvi_bt.manipulation.skills.set_down import set_down
-from mpvi_bt.manipulation.skills.two_hands import (
-    Box,
-    _carcass,
-    behind,
-    boxes_about,
-    lift,
-    look_over,
-    open_wide,
-    together,
-    way_behind,
-)
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, Motion
@@ -137,11 +129,11 @@ def test_what_has_a_lid_is_pressed_below_it() -> None:
     """Hands on the lid of a laptop would raise that and leave the rest: it is taken by what the lid is hinged to."""
     world = small_world({"laptop": placed("laptop", 0.8, 0.0, 0.5), "crate": placed("packing_box", -1.0, 0.5)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    (box, *_) = boxes_about(world.pose("laptop"), _carcass(work, "laptop"))
+    (box, *_) = boxes_about(world.pose("laptop"), carcass(work, "laptop"))
     (whole, *_) = boxes_about(world.pose("laptop"), list(world.solids("laptop")))
     assert box.bottom == pytest.approx(whole.bottom)
     assert box.bottom + box.height < whole.bottom + 0.7 * whole.height
-    assert len(_carcass(work, "crate")) == len(list(world.solids("crate")))
+    assert len(carcass(work, "crate")) == len(list(world.solids("crate")))
 
 
 @given(st.floats(0.0, 0.6), st.floats(-3.1, 3.1))

@@ -9,9 +9,9 @@ from itertools import chain
 
 import numpy as np
 
+from mpvi_bt.manipulation.motion.both_hands import look_over
 from mpvi_bt.manipulation.motion.gaze import look_down
 from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.two_hands import look_over
 from mpvi_bt.manipulation.stance.site import base_clear
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles

@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.skills.cut import cut, dice
 from mpvi_bt.manipulation.skills.free_hand import with_a_free_hand
 from mpvi_bt.manipulation.skills.go_to import go_to
 from mpvi_bt.manipulation.skills.hand_over import hand_over
+from mpvi_bt.manipulation.skills.lift import lift
 from mpvi_bt.manipulation.skills.mount import mount
 from mpvi_bt.manipulation.skills.open import open_
 from mpvi_bt.manipulation.skills.pick import pick
@@ -20,7 +21,6 @@ from mpvi_bt.manipulation.skills.pour import pour
 from mpvi_bt.manipulation.skills.press import press
 from mpvi_bt.manipulation.skills.push import push
 from mpvi_bt.manipulation.skills.set_down import either, set_down
-from mpvi_bt.manipulation.skills.two_hands import lift
 from mpvi_bt.manipulation.skills.wait import wait
 from mpvi_bt.manipulation.skills.wipe import wipe
 from mpvi_bt.plan.skills import Skill

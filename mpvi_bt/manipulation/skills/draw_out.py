@@ -14,7 +14,7 @@ import numpy as np
 from mpvi_bt.manipulation.motion.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.work import NEAR_M, Work
-from mpvi_bt.manipulation.skills.two_hands import Box, boxes_about
+from mpvi_bt.manipulation.skills.box_grip import Box, boxes_about
 from mpvi_bt.manipulation.stance.stance import Option
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.hand import Hand

@@ -6,21 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpvi_bt.manipulation.motion.both_hands import look_over, open_wide, raise_both, straighten_up
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.gaze import look_at
 from mpvi_bt.manipulation.motion.work import NEAR_M, Perform, Words, Work
+from mpvi_bt.manipulation.skills.box_grip import Box, behind, seen_box, way_behind
 from mpvi_bt.manipulation.skills.placing import SETTING
 from mpvi_bt.manipulation.skills.spots import floor_around, is_floor
-from mpvi_bt.manipulation.skills.two_hands import (
-    Box,
-    behind,
-    look_over,
-    open_wide,
-    raise_both,
-    seen_box,
-    straighten_up,
-    way_behind,
-)
 from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
