@@ -206,3 +206,36 @@ def test_it_runs_without_torch():
         "Weights; Weights.load(WEIGHTS); sys.exit('torch' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_place_without_a_payload_is_given_up_at_once(tmp_path: Path):
+    """Whoever is told to put down what no hand holds says so, and moves no arm."""
+    weights = Weights.load(WEIGHTS)
+    replace(weights, skills={"place_next_to": weights.skills["pick"]}).save(tmp_path / "w.npz")
+    hands, robot = policy(weights=tmp_path / "w.npz"), KinematicRobot()
+    image = picture(np.ones((24, 32), np.int32))
+    for _ in range(2):
+        rows = hands.infer(observed("put the cup next to the can", {"head": image}, robot))
+    assert hands.gave_up
+    assert hands.note.startswith("not_held")
+    assert np.allclose(rows[:, 7:], robot.action[7:])
+
+
+def test_the_hand_that_holds_the_payload_puts_it_down(tmp_path: Path):
+    """Of a place, the hand that holds the payload moves, and the other one keeps still."""
+    weights = Weights.load(WEIGHTS)
+    replace(weights, skills={"place_next_to": weights.skills["pick"]}).save(tmp_path / "w.npz")
+    hands = policy(weights=tmp_path / "w.npz")
+    labels = np.zeros((24, 32), np.int32)
+    labels[10:14, 14:18] = 1
+    T_world_camera = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.8], [0, 0, 0, 1.0]])
+    image = replace(picture(labels, depth=0.9), T_world_camera=T_world_camera)
+    seen = observed("put the cup next to the can", {"head": image})
+    felt = replace(
+        seen["proprioception"],
+        gripper_width={"left": 0.1, "right": 0.05}, gripper_command={"left": 1.0, "right": -1.0},
+    )  # fmt: skip
+    rows = hands.infer({**seen, "proprioception": felt})
+    assert hands.note == "place_next_to can, right hand"
+    assert np.ptp(rows[:, 15:22], axis=0).max() > 0
+    assert np.ptp(rows[:, 7:14], axis=0).max() == 0

@@ -25,8 +25,8 @@ from mpvi_bt.robot.solids import Array
 STEPS, CLOSED = 120, 90
 
 
-def demonstrate(path: Path, seed: int) -> None:
-    """A hand comes down before the robot and closes; a pause of half a second is in it."""
+def demonstrate(path: Path, seed: int, grip: float = 1.0) -> None:
+    """A hand comes down before the robot and closes, or opens; a pause of half a second is in it."""
     rng = np.random.default_rng(seed)
     moving = np.repeat(np.arange(STEPS), np.where(np.arange(STEPS) == 30, 16, 1))
     share = (moving / CLOSED)[:, None]
@@ -34,7 +34,7 @@ def demonstrate(path: Path, seed: int) -> None:
     n = len(moving)
     action = np.zeros((n, 23))
     action[:, ActionLayout.TORSO], action[:, ActionLayout.ARM[SIDE]] = BODY.travel_torso, arm
-    action[:, ActionLayout.GRIPPER[SIDE]] = np.where(moving >= CLOSED, -1.0, 1.0)
+    action[:, ActionLayout.GRIPPER[SIDE]] = np.where(moving >= CLOSED, -grip, grip)
     base = np.repeat(rng.normal(0, 0.3, (1, 3)), n, 0)
     around = np.array([0.6, 0.0, 0.7]) + rng.normal(0, 0.05, (n // 10 + 1, 128, 3))
     Demonstration(
@@ -152,6 +152,21 @@ def test_a_folder_without_demonstrations_is_refused(tmp_path: Path):
     """The message says where to read how they are made."""
     with pytest.raises(UserError, match=r"there are no demonstrations; docs/learned\.md"):
         read_frames(tmp_path, "pick")
+
+
+def test_a_skill_that_cannot_be_learned_is_refused_with_the_nearest(tmp_path: Path):
+    """A typing error is told before anything is read."""
+    with pytest.raises(UserError, match=r"unknown learned skill 'pik'\. .*pick"):
+        read_frames(tmp_path, "pik")
+
+
+def test_of_a_place_a_stance_is_where_the_hand_opens(tmp_path: Path):
+    """What is foreseen is the posture at which the payload is let go of."""
+    (tmp_path / "place_in").mkdir()
+    demonstrate(tmp_path / "place_in" / "0.npz", 0, grip=-1.0)
+    frames = read_frames(tmp_path, "place_in")
+    assert (frames.moments.told_grip[frames.event] < -0.9).all()
+    assert (frames.moments.told_grip[frames.event + 1] > 0.9).all()
 
 
 def test_without_torch_training_says_how_to_install_it(folder: Path, tmp_path: Path, monkeypatch):

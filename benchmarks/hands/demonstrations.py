@@ -17,6 +17,7 @@ from benchmarks.hands.trial import Trial
 from benchmarks.pool import play_all
 from mpvi_bt.errors import BackendError
 from mpvi_bt.learned.demonstration import find, record
+from mpvi_bt.learned.motions import MOTIONS
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
@@ -33,7 +34,6 @@ MIXES: Mapping[str, Mapping[str, int]] = {
     "place_on": {"table": 2, "counter": 2, "clutter": 2},
     "place_next_to": {"floor": 1, "table": 1},
 }
-SLOTS = {"pick": "object", "place_in": "container", "place_on": "surface", "place_next_to": "target"}  # worked on
 FIRST_SEED = 100_000  # far from those that policies are compared on
 _LIMIT_S = 40.0
 _STEADY = 3  # times in a row that the truth says yes, asked six times a second
@@ -81,12 +81,12 @@ def demonstrate(seed: int, folder: Path, skill: str) -> dict[str, Any]:
         vocabulary = {e.name: e.phrases for e in world.knowledge()}
         errors = {"errors": _DETECTOR, "seed": seed} if noisy else {}
         detector = SegmentationDetector(vocabulary, 1, **errors)  # type: ignore[arg-type]
-        memory = PointMemory(detector, call.arguments[SLOTS[skill]], rng)
+        memory = PointMemory(detector, call.arguments[MOTIONS[skill].slot], rng)
         policy = ExpertPolicy(world, skills, seed)
         watch = _Watch(trial, world, policy)
         prompt = trial.prompt if held else f"{trial.prompt} with the {side} hand"
         seen = find(robot, world.step, memory, side)
-        shown = record(policy, robot, world.step, watch, memory, prompt, side)
+        shown = record(policy, robot, world.step, watch, memory, prompt, side, MOTIONS[skill])
         policy.close()
         row |= {"ok": watch.ok and policy.attempts == 1 and bool(len(shown.points)), "seen": seen, "side": side}
         row |= {"attempts": policy.attempts, "note": policy.note, "steps": len(shown.look)}

@@ -20,7 +20,6 @@ _BENT = 2.0  # how much likelier a hypothesis must be for each radian that the a
 _NEAR_M = 0.3  # of the target the hand's shift and turn count, farther away the joints
 _TOP_BASE = np.array([0.6, 0.6, 1.2])  # [m/s, m/s, rad/s]
 _TOP_ARM_RAD = 0.085  # of a step
-_OPEN = 0.5  # a hand that is told to close more than so stays where it is
 _TORSO_STEP = np.array([0.15, 0.4, 0.4]) / CONTROL_HZ  # lift [m], yaw, pitch [rad]
 _OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' is not taken
 _RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
@@ -123,7 +122,7 @@ def rebased(now: Moments, stance: Array) -> Array:
     return stance if at is None or np.abs(at[7:] - g[7:]).max() >= _REBASED_RAD else at[None]
 
 
-def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[list[Step], float]:
+def chunk(net: Networks, now: Moments, stance: Array, points: Array, before: bool) -> tuple[list[Step], float]:
     """The next steps: base velocity (3,), torso (4,), arm (7,) and gripper of each; and the progress, 0 to 1.
 
     Args:
@@ -131,6 +130,7 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[li
         now: One moment.
         stance: (1, 14) to come to.
         points: (128, 3) of the world.
+        before: Whether the hand has yet to close or to open.
     """
     told, seen = actor_inputs(now, stance, points[None], TARGET_POINTS)[::-1]
     answer, progress = net.act(seen, told, TARGET_POINTS)
@@ -139,7 +139,6 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[li
     T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
     hand = matmul(now.frames()[0], now.hands()[0])[:3, 3]
     near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
-    open_ = now.told_grip[0] > _OPEN
     steps, arm, last = [], now.told_arm[0], way[0]
     ways = matmul(_BETWEEN, way)
     turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
@@ -148,7 +147,7 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[li
         c, s = np.cos(last[2]), np.sin(last[2])
         base = np.clip(np.array([c * x + s * y, c * y - s * x, yaw]) * CONTROL_HZ, -_TOP_BASE, _TOP_BASE)
         torso = now.told_torso[0] + at[WAYPOINT["torso"]]
-        if near and open_:  # the actor seldom bends once the arm is out, even where the arm is too short
+        if near and before:  # the actor seldom bends once the arm is out, even where the arm is too short
             left = stance[0, 3:6] - now.told_torso[0, :3]
             torso[:3] = now.told_torso[0, :3] + np.clip(left, -k * _TORSO_STEP, k * _TORSO_STEP)
         wanted = now.told_arm[0] + at[WAYPOINT["arm"]]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mpvi_bt.learned.motions import Motion
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Robot, Side
@@ -56,7 +57,7 @@ class Demonstration:
 
 def record(
     policy: Policy, robot: Robot, step: Callable[[Array], None], over: Callable[[], bool], memory: PointMemory,
-    prompt: str, side: Side,
+    prompt: str, side: Side, motion: Motion,
 ) -> Demonstration:  # fmt: skip
     """Let a policy that needs no pictures act, and record it.
 
@@ -68,18 +69,19 @@ def record(
         memory: Takes in what the head's and the hand's camera show.
         prompt: What the policy is told.
         side: The hand that it does it with.
+        motion: What is demonstrated.
     """
     rows: dict[str, list[Array]] = {f.name: [] for f in fields(Demonstration)}
     policy.reset()
-    closed = False
+    sees = True
     while True:
         felt = robot.proprioception()
-        if len(rows["look"]) % LOOK_STEPS == 0 and not closed:
+        if len(rows["look"]) % LOOK_STEPS == 0 and sees:
             memory.look(robot.look("head"), robot.look(side))
             if memory.seen:
                 rows["points"].append(memory.sample())
         action = policy.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0]
-        closed = bool(action[ActionLayout.GRIPPER[side]] < -0.95)
+        sees = motion.sees(float(action[ActionLayout.GRIPPER[side]]))
         for name, value in _felt(felt, side).items():
             rows[name].append(value)
         rows["action"].append(action)

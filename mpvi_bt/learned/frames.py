@@ -11,9 +11,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.learned.demonstration import Demonstration
 from mpvi_bt.learned.features import Moments
+from mpvi_bt.learned.motions import MOTIONS
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
 
@@ -51,12 +52,14 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
 
     Args:
         folder: Of demonstrations.
-        skill: Such as "pick": what closes a hand; a place opens one.
+        skill: Of `MOTIONS`.
         tell: Is told which files are left out, and why.
 
     Raises:
-        UserError: There are none.
+        UserError: There are none, or no such skill.
     """
+    if skill not in MOTIONS:
+        raise UnknownName("learned skill", skill, MOTIONS)
     moments: list[Moments] = []
     columns: dict[str, list[Any]] = {f.name: [] for f in fields(Frames) if f.name != "moments"}
     n = m = 0
@@ -68,7 +71,7 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
             continue
         kept = _moving(shown)
         now, grip = _moments(shown, kept), shown.action[kept, ActionLayout.GRIPPER["right"]]
-        events = _events(grip, opening=skill.startswith("place"))
+        events = _events(grip, MOTIONS[skill].opens)
         if not len(events) or not len(shown.points):
             tell(f"{path}: left out, as the hand does nothing in it, or sees nothing")
             continue

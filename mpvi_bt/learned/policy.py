@@ -12,6 +12,7 @@ from mpvi_bt.errors import shown
 from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased
 from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
 from mpvi_bt.learned.hand import LearnedHand
+from mpvi_bt.learned.motions import MOTIONS, Motion
 from mpvi_bt.learned.network import Networks, Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.perception.detector import Detector
@@ -25,17 +26,13 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 WEIGHTS = Path(__file__).parent / "weights.npz"
-SLOTS: Mapping[str, str] = {
-    "pick": "object", "place_in": "container", "place_on": "surface", "place_next_to": "target",
-}  # fmt: skip
 _TRIES = 5  # closings on nothing
 _EMPTY_CHUNKS = 3  # that a closed hand is empty before it is opened
 _OPENING = 15  # steps
 _CLOSED = -0.9
-_SEEING = -0.95  # a hand that is told to close more than so hides what it closes on
 _STUCK_CHUNKS = 10  # without a move: 3 s
 _STUCK_M = 0.02
-_DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, with what it holds so far from where it closed
+_DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, so far from where it closed or let go
 
 
 class LearnedPolicy:
@@ -102,7 +99,7 @@ class LearnedPolicy:
         """The one skill that a prompt asks for, if it was learned."""
         said = clauses(prompt, self._skills)
         call = match(said[0], self._skills) if len(said) == 1 else None
-        return call if call is not None and call.motion in self._weights.skills else None
+        return call if call is not None and call.motion in self._weights.skills.keys() & MOTIONS else None
 
     def _performed(self, prompt: str) -> Iterator[Array]:
         """Everything that it does about a prompt; it ends once it has given up."""
@@ -114,25 +111,26 @@ class LearnedPolicy:
             known = ", ".join(self._weights.skills)
             self.note = f"{NO_SKILL}: {shown(prompt)} is not one of {known}"
             return
-        phrase = call.arguments[SLOTS[call.motion]]
+        motion = MOTIONS[call.motion]
+        phrase = call.arguments[motion.slot]
         rng = np.random.default_rng([self._seed, self._prompts])
         memory = PointMemory(self._detector, phrase, rng)
-        yield from self._found(memory)
+        yield from self._found(memory, motion)
         if not memory.seen:
             self.note = f"not_found: {shown(phrase)}"
             return
-        side = self._side(call, memory)
+        side = self._holder(call) if motion.opens else self._free(call, memory)
         if side is None:
-            self.note = f"hands_full: no hand is free for the {phrase}"
             return
         self._wanted = ("head", side)
         self.note = f"{call.motion} {phrase}, {side} hand"
-        yield from self._acted(self._weights.skills[call.motion], LearnedHand(side, self._felt), memory, phrase)
+        net = self._weights.skills[call.motion]
+        yield from self._acted(net, motion, LearnedHand(side, self._felt), memory, phrase)
 
-    def _found(self, memory: PointMemory) -> Iterator[Array]:
+    def _found(self, memory: PointMemory, motion: Motion) -> Iterator[Array]:
         """Look; where the target is not in view, tilt the head and look again."""
         self.note = "looking"
-        if self._looked(memory):
+        if self._looked(memory, motion):
             return
         body = LearnedHand(SIDES[1], self._felt)
         for tilt in HEAD_TILTS_RAD:
@@ -140,52 +138,70 @@ class LearnedPolicy:
             rows[:, ActionLayout.TORSO.stop - 1] = tilt
             body.action = rows[-1].copy()
             yield rows
-            if self._looked(memory):
+            if self._looked(memory, motion):
                 return
 
-    def _looked(self, memory: PointMemory) -> bool:
+    def _looked(self, memory: PointMemory, motion: Motion) -> bool:
         felt, robot = self._felt, robot_named(self._felt.robot)
         T_world_base = kin.base(felt.base_pose)
-        holding = [side for side in felt.sides if felt.holds(side)]
+        holding = [side for side in felt.sides if felt.holds(side) and not motion.opens]
         carried = [matmul(T_world_base, robot.tcp(felt.torso, felt.arm[s], s))[:3, 3] for s in holding]
         memory.look(*(self._images[camera] for camera in self._wanted if camera in self._images), carried=carried)
         return memory.seen
 
-    def _side(self, call: SkillCall, memory: PointMemory) -> Side | None:
+    def _holder(self, call: SkillCall) -> Side | None:
+        """The hand that holds the payload, or None: then the note says why."""
+        said = call.arguments.get("hand")
+        full: list[Side] = [side for side in self._felt.sides if self._felt.holds(side) and said in (side, None)]
+        if len(full) == 1:
+            return full[0]
+        self.note = f"{NO_SKILL}: both hands hold something" if full else "not_held: no hand holds a payload"
+        return None
+
+    def _free(self, call: SkillCall, memory: PointMemory) -> Side | None:
         """A free hand: the one that is said, else the one on the target's side if both are; None: there is none."""
         said = call.arguments.get("hand")
         free: list[Side] = [
             side for side in SIDES if not self._felt.holds(side) and (said not in SIDES or side == said)
         ]
+        if not free:
+            self.note = f"hands_full: no hand is free for the {call.arguments[MOTIONS[call.motion].slot]}"
+            return None
         if len(free) < 2:
-            return free[0] if free else None
+            return free[0]
         at = matmul(kin.inverse(kin.base(self._felt.base_pose)), np.append(memory.middle, 1.0))
         return "left" if at[1] > 0 else "right"
 
-    def _acted(self, net: Networks, hand: LearnedHand, memory: PointMemory, target: str) -> Iterator[Array]:
+    def _acted(
+        self, net: Networks, motion: Motion, hand: LearnedHand, memory: PointMemory, target: str
+    ) -> Iterator[Array]:
         stance: Array | None = None
         empty = tries = done = 0
-        taken: Array | None = None  # where the hand closed
+        worked: Array | None = None  # where the hand closed on the payload, or let go of it
         rest, begun = _Rest(), hand.now().base
         said = self.note
         while True:
             hand.feel(self._felt)
             now = hand.now()
             at = matmul(now.frames()[0], now.hands()[0])[:3, 3]
-            if not self._felt.holds(hand.side):
-                taken = None
-            elif taken is None:
-                taken = at
-            away = taken is not None and norm(at - taken) >= _DONE_M
+            grip, holds = now.told_grip[0], self._felt.holds(hand.side)
+            closed = grip < _CLOSED
+            if not holds and not closed if motion.opens else holds:
+                worked = at if worked is None else worked
+            elif not motion.opens:
+                worked = None
+            away = worked is not None and norm(at - worked) >= _DONE_M
             done = done + 1 if away and self.progress >= _DONE else 0
             self.ended = done >= _DONE_CHUNKS
             self.note = "done" if self.ended else said
             if self.ended:
                 yield hand.still(CHUNK)
                 continue
-            closed = now.told_grip[0] < _CLOSED
-            if closed and now.width[0] < EMPTY_M:
+            if worked is None and closed and now.width[0] < EMPTY_M:
                 empty += 1
+            if empty >= _EMPTY_CHUNKS and motion.opens:
+                self.note = "dropped: the hand is empty on the way"
+                return
             if empty >= _EMPTY_CHUNKS and tries < _TRIES:  # closed on nothing: open, and think again
                 empty, tries, stance = 0, tries + 1, None
                 yield hand.still(_OPENING, 1.0)
@@ -193,10 +209,10 @@ class LearnedPolicy:
             if empty >= _EMPTY_CHUNKS:
                 self.note = f"missed: closed on nothing {tries + 1} times"
                 return
-            if now.told_grip[0] > _SEEING:
-                self._looked(memory)
+            if motion.sees(grip):
+                self._looked(memory, motion)
             points = hand.points(memory.sample())
-            if rest.stuck(at) and not closed:
+            if rest.stuck(at) and closed == motion.opens:
                 stance, tries = None, tries + 1
             if stance is None:
                 self.attempts += 1
@@ -208,7 +224,7 @@ class LearnedPolicy:
                 self.note = f"{reason}: no hand pose that it proposes for the {target}"
                 return
             stance = rebased(now, stance)
-            steps, self.progress = chunk(net, now, ahead(now, stance), points)
+            steps, self.progress = chunk(net, now, ahead(now, stance), points, motion.ahead(grip))
             yield np.array([hand.command(*step) for step in steps])
 
 

@@ -1,0 +1,38 @@
+"""The motions that can be learned: what of a prompt each is about, and whether its hand closes or opens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+_TOLD = 0.5  # a command of the gripper beyond it, -1 closed to 1 open, is meant to close or to open
+_HIDES = -0.95  # a hand that is told to close more than so hides what it closes on
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of one hand.
+
+    Attributes:
+        slot: Argument of its skill that names the target, which is looked for.
+        opens: Whether the hand holds a payload and lets go of it; else it is free and takes one.
+    """
+
+    slot: str
+    opens: bool
+
+    def ahead(self, grip: float) -> bool:
+        """Whether closing or opening is still to come, by the gripper's command in force."""
+        return grip < -_TOLD if self.opens else grip > _TOLD
+
+    def sees(self, grip: float) -> bool:
+        """Whether cameras show the target: a hand that closes on it hides it."""
+        return self.opens or grip > _HIDES
+
+
+MOTIONS: Mapping[str, Motion] = {
+    "pick": Motion("object", opens=False),
+    "place_in": Motion("container", opens=True),
+    "place_on": Motion("surface", opens=True),
+    "place_next_to": Motion("target", opens=True),
+}
