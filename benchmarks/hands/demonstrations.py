@@ -16,6 +16,7 @@ from benchmarks.hands.scenes import draw
 from benchmarks.hands.trial import Trial
 from benchmarks.pool import play_all
 from mpvi_bt.errors import BackendError
+from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.learned.demonstration import find, record
 from mpvi_bt.learned.motions import MOTIONS
 from mpvi_bt.learned.points import PointMemory
@@ -23,7 +24,9 @@ from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.demonstration import Demonstration
 from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
 from mpvi_bt.sim.world import World
 
@@ -61,8 +64,15 @@ class _Watch:
         return self.ok or done or self._policy.gave_up or self._world.time_s > _LIMIT_S
 
 
-def demonstrate(seed: int, folder: Path, skill: str) -> dict[str, Any]:
-    """Play one scene; keep the demonstration if it was done at the first attempt. Returns a row of what came of it."""
+def demonstrate(seed: int, folder: Path, skill: str, episodes: Path | None = None) -> dict[str, Any]:
+    """Play one scene; keep the demonstration if it was done at the first attempt. Returns a row of what came of it.
+
+    Args:
+        seed: Of the scene.
+        folder: Where the demonstration is kept.
+        skill: Of `MIXES`.
+        episodes: Where it is recorded with pictures too, as `mpvi dataset` reads it.
+    """
     started = time.perf_counter()
     rng = np.random.default_rng([seed, 7])
     cases = [case for case, share in MIXES[skill].items() for _ in range(share)]
@@ -85,13 +95,26 @@ def demonstrate(seed: int, folder: Path, skill: str) -> dict[str, Any]:
         policy = ExpertPolicy(world, skills, seed)
         watch = _Watch(trial, world, policy)
         prompt = trial.prompt if held else f"{trial.prompt} with the {side} hand"
-        seen = find(robot, world.step, memory, side)
-        shown = record(policy, robot, world.step, watch, memory, prompt, side, MOTIONS[skill])
+        about = {"task": f"{skill}_{case}", "seed": seed, "instruction": trial.prompt, "config": {"robot": "r1"}}
+        episode = Demonstration(episodes / f"{skill}_{seed}", about) if episodes is not None else None
+        if episode is not None:
+            episode.begin()
+
+        def step(action: Array) -> None:
+            if episode is not None:
+                episode.note(world.steps, world.robot, action, lambda: prompt)
+            world.step(action)
+
+        seen = find(robot, step, memory, side)
+        shown = record(policy, robot, step, watch, memory, prompt, side, MOTIONS[skill])
         policy.close()
         row |= {"ok": watch.ok and policy.attempts == 1 and bool(len(shown.points)), "seen": seen, "side": side}
         row |= {"attempts": policy.attempts, "note": policy.note, "steps": len(shown.look)}
         if row["ok"]:
             shown.save(folder / f"{seed}.npz")
+        if episode is not None:
+            episode.end(Outcome("success"))
+            episode.conclude(float(watch.ok), row["ok"])
     except BackendError as error:
         row["note"] = f"no scene: {error}"
     return row | {"wall_s": round(time.perf_counter() - started, 2)}
@@ -106,15 +129,17 @@ def _failed(seed: int, cause: str) -> dict[str, Any]:
 @click.option("--skill", type=click.Choice(list(MIXES)), default="pick", show_default=True)
 @click.option("--count", type=click.IntRange(1), default=1000, show_default=True, help="Scenes that are tried.")
 @click.option("--first", type=int, default=FIRST_SEED, show_default=True, help="Seed of the first.")
+@click.option("--episodes", type=click.Path(path_type=Path, file_okay=False),
+              help="Record pictures there, too, as `mpvi dataset` reads them.")  # fmt: skip
 @click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
-def main(folder: Path, skill: str, count: int, first: int, workers: int) -> None:
+def main(folder: Path, skill: str, count: int, first: int, episodes: Path | None, workers: int) -> None:
     """Record demonstrations into FOLDER/SKILL, one file each; those that are there are not made again."""
     folder /= skill
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "log.jsonl"
     tried = {json.loads(line)["seed"] for line in log.read_text().splitlines()} if log.exists() else set()
     seeds = [seed for seed in range(first, first + count) if seed not in tried]
-    play = partial(demonstrate, folder=folder, skill=skill)
+    play = partial(demonstrate, folder=folder, skill=skill, episodes=episodes)
     kept = 0
     with log.open("a", encoding="utf-8") as file:
         rows = play_all(play, _failed, seeds, workers, _WALL_LIMIT_S)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable, write_whole
@@ -88,6 +88,10 @@ class Demonstration(Watcher):
         self._finished = False
 
     def start(self, tree: Tree, world: World) -> None:
+        """As `begin`."""
+        self.begin()
+
+    def begin(self) -> None:
         """Make the folder. Raises UserError if it cannot be written."""
         try:
             shutil.rmtree(self._folder, ignore_errors=True)
@@ -97,17 +101,28 @@ class Demonstration(Watcher):
 
     def step(self, tree: Tree, world: World) -> None:
         """Note a row when one is due."""
-        if world.steps % self._every:
+        self.note(world.steps, world.robot, world.robot.action, lambda: subtask(tree))
+
+    def note(self, steps: int, robot: Robot, action: Array, at: Callable[[], str]) -> None:
+        """Note a row if one is due.
+
+        Args:
+            steps: Control steps that are over.
+            robot: What it feels and sees.
+            action: (23,) that the next step carries out.
+            at: Says what the robot is at.
+        """
+        if steps % self._every:
             return
-        felt = world.robot.proprioception()
+        felt = robot.proprioception()
         self._rows["state"].append(state(felt))
         self._rows["base_pose"].append(felt.base_pose)
         self._rows["arm_velocity"].append(np.concatenate([felt.arm_velocity.get(s, np.zeros(7)) for s in SIDES]))
-        self._rows["action"].append(world.robot.action.copy())
-        self._rows["subtask"].append(subtask(tree))
+        self._rows["action"].append(action.copy())
+        self._rows["subtask"].append(at())
         T_base_world = kin.inverse(kin.base(felt.base_pose))
         for camera in self._cameras:
-            image = world.robot.look(camera)
+            image = robot.look(camera)
             self._rows[f"T_base_camera/{camera}"].append(matmul(T_base_world, image.T_world_camera))
             if camera not in self._videos:
                 self._videos[camera] = CameraVideo(self._folder / f"{camera}.mp4", image.rgb.shape, self._fps)
