@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,11 +13,13 @@ from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout, Proprioception
+from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Side
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array, Solid, box
 from mpvi_bt.scene.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
+from tests.test_looking_down import HANDS
 from tests.test_motion import play, reaching
 
 # A hand beside the back [rad], from where no level way leads home.
@@ -94,6 +98,28 @@ def test_what_is_carried_keeps_clear_of_what_stands_around(monkeypatch: pytest.M
     wall = box((x, 0.0, 1.0), (0.1, 1.5, 2.0)) if ahead else box((0.4, y, 1.0), (1.5, 0.1, 2.0))
     before, after, gap, _ = tucked(monkeypatch, [wall])
     assert gap > 0.03 or np.allclose(after, before)
+
+
+@pytest.mark.parametrize("posture", [(0.05, 0.0, 0.5, 0.0), (0.05, 0.0, 0.8, 0.0), (0.15, 0.0, 0.5, 0.0)])
+def test_an_arm_that_hangs_is_folded_from_a_low_torso(posture: tuple[float, ...]) -> None:
+    """There it would be in the base: it stayed out, and the body low, while the other hand held something."""
+    world = small_world({"can": placed("can_of_soda", -1.0, 0.5)}, robot=R1PRO)
+    torso, down = R1PRO.trunk.joints(np.array(posture)), kin.hand_rotation((0.3, 0.0, -0.95), (0.0, 1.0, 0.0))
+    hands: dict[Side, Array] = {
+        "left": kin.transform(kin.rot_z(0.8) @ HANDS["left"][:3, :3], R1PRO.aside[1]),
+        "right": kin.transform(down, (0.55, -0.3, 0.2)),
+    }
+    arm = {}
+    for side, T in hands.items():
+        _, q = R1PRO.arm_inverse((kin.inverse(R1PRO.chest(torso)) @ T)[None], side, swivels=36)
+        arm[side] = q[0]
+    scene, felt = TrueScene(world), world.robot.proprioception()
+    scene.holding = lambda side: "can" if side == "left" else None
+    world.place("can", kin.base(felt.base_pose) @ kin.transform(np.eye(3), hands["left"][:3, 3]))
+    work = Work(scene, Motion(replace(felt, torso=torso, arm=arm, arm_command=arm)), np.random.default_rng(0))
+    play(work.motion, settle(work))
+    np.testing.assert_allclose(work.motion.torso, R1PRO.travel_torso, atol=0.01)
+    np.testing.assert_allclose(work.motion.arm("right"), R1PRO.travel_arm["right"], atol=0.03)
 
 
 def tucked(monkeypatch: pytest.MonkeyPatch, walls: list[Solid]) -> tuple[Array, Array, float, Array]:

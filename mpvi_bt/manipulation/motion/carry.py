@@ -74,9 +74,10 @@ _CARRIES = [
 def settle(work: Work, without: Collection[str] = ()) -> Actions:
     """Fold the empty arms and bring what is held to the chest, upright, the torso as for traveling.
 
-    Where there is no room for it, or an arm meets what nobody knows of, it is done from a little farther back; what no
-    level way leads home for, such as out of a bin in the other hand, may tip on its way if nothing is in it. With
-    nothing held a robot that takes itself to be in something then straightens up all the same, and feels what it meets.
+    A body that is too low for its arms to hang rises first. Where there is no room for it, or an arm meets what nobody
+    knows of, it is done from a little farther back; what no level way leads home for, such as out of a bin in the other
+    hand, may tip on its way if nothing is in it. With nothing held a robot that takes itself to be in something then
+    straightens up all the same, and feels what it meets.
 
     Args:
         work: Robot and world.
@@ -94,14 +95,16 @@ def settle(work: Work, without: Collection[str] = ()) -> Actions:
 
 
 def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Actions:
-    held = work.held()
+    held, straight = work.held(), upright(work)
+    low = not Body(work.motion.robot, work.motion.torso, work.motion.robot.travel_arm).all_free()
+    if low and (arms := _homeward(work, straight, without)) is not None:  # hanging arms would be in the base
+        yield from work.motion.stand(straight, arms)
     for side in (s for s in work.motion.robot.sides if s not in held):
         if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
             # a base that has come to stand against a wall does not fold by what it takes the wall to be
             with work.scene.trusting() if feeling else nullcontext():
                 path = _fold(work, side, without)
             yield from work.motion.follow(side, path)
-    straight = upright(work)
     arms = _homeward(work, straight, without)
     if arms is None and (held or not feeling):
         raise MotionFailure("no_carry")
