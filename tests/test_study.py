@@ -19,8 +19,11 @@ from mpvi_bt.manipulation.stance.stance import Stance
 from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
+from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
@@ -116,6 +119,27 @@ def test_nothing_is_said_to_be_no_container_before_it_was_looked_at() -> None:
     with pytest.raises(MotionFailure, match="not_a_container"):
         obeyed(work, place_in(work, {"object": "can_of_soda", "container": "wall_cabinet"}, []))
     assert len(sight.lifts) >= 2
+
+
+@pytest.mark.parametrize("robot", [R1, R1PRO], ids=lambda robot: robot.name)
+def test_a_container_in_a_hand_that_shows_no_opening_is_held_out(robot: RobotModel) -> None:
+    """Where it is carried the head may see past its rim: it is shown in other places before it is called none."""
+    world = small_world({"bin": placed("trash_can", 3.0, 0.0)}, robot=robot)
+    put_in_hands(world, {"left": "bin"})
+    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work.images = {"head": None}  # type: ignore[dict-item]
+    room, shown = work.scene.volumes("bin"), [work.motion.hand("left")]
+    work.scene.volumes = lambda name: room if len(shown) > 2 else ()  # type: ignore[method-assign]
+    for look in looks_inside(work, "bin"):
+        if work.scene.volumes("bin"):
+            break
+        for action in look:
+            world.step(action)
+            work.motion.felt = world.robot.proprioception()
+        T = work.motion.hand("left")
+        if min(np.abs(T - before).max() for before in shown) > 0.1:
+            shown.append(T)
+    assert len(shown) == 3
 
 
 def test_what_is_larger_than_a_picture_is_looked_at_to_both_sides() -> None:

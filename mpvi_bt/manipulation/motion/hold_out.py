@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ from mpvi_bt.robot.solids import Array
 
 LOOKED_AT = 60  # our choice: postures that are looked at closely for one way to hold something out
 _ELSEWHERE = 0.05  # our choice: between two poses, in any number of their matrices [m or the sine of a turn]
+# Our choice: a grid before the chest and below the eyes, x, y toward the hand's own side, z of the tcp [m],
+_BEFORE_HEAD_M = np.array(list(product((0.4, 0.5, 0.6), (0.1, 0.2, 0.3, 0.4), (0.8, 0.9, 1.0, 1.1))))
+_HANGS_M = 0.15  # and how far below it what is held hangs [m]
 
 # Which postures (7,) of the coming arm to plan to, the best first, each with the index of what it is to reach: of the
 # body that holds out and T_base_tcp (4, 4) of the hand that does, the indices (m,) of what can be reached at all and
@@ -97,14 +101,42 @@ def meet(work: Work, holder: Side, places: Places, goals: Array, choose: Choose)
 def present(work: Work, side: Side, turn: int) -> Actions:
     """Hold what a hand has out in front of the body, each `turn` in another pose: what one hides another may show.
 
+    Where the hand, as it holds the thing, reaches none of the places for vessels, others before the head are tried.
+
     Raises:
         MotionFailure: "no_reach" if there is no other pose to go to.
     """
-    now, body = work.motion.hand(side), work.body()
-    poses = [T for T in VESSEL.poses(now, side, work.motion.robot) if np.abs(T - now).max() > _ELSEWHERE]
-    for shown in poses[turn % len(poses) :] + poses[: turn % len(poses)]:
-        path = arm_motion.plan_level(body, side, shown)
-        if path is not None:
+    body = work.body()
+    for shown in _shown(work, side, turn):
+        if (path := arm_motion.plan_level(body, side, shown)) is not None:
             yield from work.motion.follow(side, path, speed=0.8)
             return
     raise MotionFailure("no_reach")
+
+
+def _shown(work: Work, side: Side, turn: int) -> Iterator[Array]:
+    """T_base_tcp (4, 4) other than it is now, each `turn` another one first."""
+    now = work.motion.hand(side)
+    vessel = [T for T in VESSEL.poses(now, side, work.motion.robot) if np.abs(T - now).max() > _ELSEWHERE]
+    yield from _from(vessel, turn)
+    yield from _from(_before_the_head(work, side), turn)
+
+
+def _from(poses: Sequence[Array], turn: int) -> Sequence[Array]:
+    """All of them, each `turn` another one first."""
+    first = turn % max(len(poses), 1)
+    return [*poses[first:], *poses[:first]]
+
+
+def _before_the_head(work: Work, side: Side) -> list[Array]:
+    """T_base_tcp (4, 4) that the arm reaches, those first from which things hang in the middle of the head's view."""
+    robot, now, torso = work.motion.robot, work.motion.hand(side), work.motion.torso
+    at = _BEFORE_HEAD_M * [1, SIGN[side], 1]
+    seen = matmul(at - [0.0, 0.0, _HANGS_M], kin.inverse(robot.head_camera(torso))[:3, :3].T)
+    seen += kin.inverse(robot.head_camera(torso))[:3, 3]
+    middle = np.argsort(np.abs(np.arctan2(seen[:, :2], seen[:, 2:])).max(1), kind="stable")
+    poses = np.stack(
+        [kin.transform(matmul(kin.rot_z(turn), now[:3, :3]), p) for p in at[middle] for turn in VESSEL.turns]
+    )
+    reached, _ = robot.arm_inverse(matmul(kin.inverse(robot.chest(torso)), poses), side, swivels=VESSEL.swivels)
+    return [T for T in poses[np.unique(reached)] if np.abs(T - now).max() > _ELSEWHERE]

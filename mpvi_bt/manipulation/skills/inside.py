@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpvi_bt.manipulation.motion.gaze import study
+from mpvi_bt.manipulation.motion.hold_out import present
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills.openings import FACING_RAD, stand_before_open
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, bounds
 
 
@@ -27,12 +29,14 @@ class Viewpoints:
         turns_rad: Turns of the base from facing the thing [rad]: of a large one the picture may have shown an end.
         around_rad: Bearings around the thing, from that of the robot [rad],
         off_m: at this distance from its nearest face, where a payload does not hide it [m].
+        held_out: Which of the poses before the body a hand holds it out in, one after the other.
     """
 
     same: float = 0.05
     turns_rad: tuple[float, ...] = (0.0, 0.6, -0.6)
     around_rad: tuple[float, ...] = (0.0, 0.7, -0.7, 1.2, -1.2)
     off_m: float = 1.0
+    held_out: tuple[int, ...] = (0, 3, 6)
 
 
 _VIEWS = Viewpoints()
@@ -44,11 +48,16 @@ def looks_inside(work: Work, name: str) -> Iterator[Look]:
 
     It may have been seen in part, from the side, or past a payload. The order of viewpoints: where the robot stands, if
     it knows of no volume at all; before a door that stands open; turned to the container and, if there is still no
-    volume, to both sides; farther off; around it. An exact scene needs no looks, and a container that the robot carries
-    is looked at where it is.
+    volume, to both sides; farther off; around it. An exact scene needs no looks. A container in a hand is looked at
+    where it is, and then held out before the head, which may not have its rim in view where it is carried.
     """
     yield _from_here(work, name)
-    if not work.scene.exact and name not in work.carried():
+    if work.scene.exact:
+        return
+    if (side := next((s for s in work.motion.robot.sides if work.scene.holding(s) == name), None)) is not None:
+        for turn in _VIEWS.held_out:
+            yield _held_out(work, side, name, turn)
+    elif name not in work.carried():
         yield _from_before(work, name)
         for goal in _viewpoints(work, name):
             yield _from(work, name, goal)
@@ -57,6 +66,15 @@ def looks_inside(work: Work, name: str) -> Iterator[Look]:
 def _from_here(work: Work, name: str) -> Look:
     if not work.scene.volumes(name):
         yield from study(work, name)
+    return True
+
+
+def _held_out(work: Work, side: Side, name: str, turn: int) -> Look:
+    try:
+        yield from present(work, side, turn)
+    except MotionFailure:
+        return False
+    yield from study(work, name)
     return True
 
 
