@@ -12,7 +12,7 @@ import numpy as np
 
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
-from mpvi_bt.recording.demonstration import CAMERAS, Demonstration
+from mpvi_bt.recording.demonstration_recorder import CAMERAS, Demonstration
 from mpvi_bt.robot.protocol import ACTION_SIZE, Proprioception, Side
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import load_tree

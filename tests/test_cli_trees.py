@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from mpvi_bt.cli.check import check
-from mpvi_bt.cli.compile import compile_
+from mpvi_bt.cli.compile_plan import compile_
 from mpvi_bt.cli.render import render
 from mpvi_bt.errors import MpviError
 from mpvi_bt.tree.yaml_io import load_tree

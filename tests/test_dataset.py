@@ -26,7 +26,7 @@ from mpvi_bt.datasets.normalization import QUANTILES
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
-from mpvi_bt.recording.demonstration import CAMERAS, Demonstration, state
+from mpvi_bt.recording.demonstration_recorder import CAMERAS, Demonstration, state
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.tree.build import Tree

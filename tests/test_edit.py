@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.watch.drawer import Drawer
-from mpvi_bt.watch.edit import Edited
+from mpvi_bt.watch.edited_tree import Edited
 from tests.browser import BROWSER, Browser, browser
 from tests.test_html import Tags
 from tests.test_watch import TREE, serving

@@ -16,7 +16,7 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.evaluate import evaluate as command
+from mpvi_bt.cli.evaluate_server import evaluate as command
 from mpvi_bt.episode.episode import run
 from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.executive.loop import Watcher, World

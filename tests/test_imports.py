@@ -20,7 +20,7 @@ ROBOTS_OWN = {
     "maniskill/agent.py",
     "maniskill/drive_tensors.py",
     "maniskill/fetch_agent.py",
-    "learned/body.py",
+    "learned/mirroring.py",
     "completion/visual.py",
     "instances/instances.py",
     "choices/simulators.py",

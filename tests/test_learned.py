@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.learned import body
+from mpvi_bt.learned import mirroring
 from mpvi_bt.learned.demonstration import Demonstration
 from mpvi_bt.learned.features import Approach, bases, hand_at
 from mpvi_bt.learned.network import Weights
@@ -54,7 +54,7 @@ def test_a_mirrored_arm_brings_the_other_hand_to_the_mirrored_place(q, waist):
     torso = TRAVEL_TORSO + [0, waist, 0, 0]
     M = np.diag([1.0, -1.0, 1.0, 1.0])
     left = R1.tcp(torso, np.array(q), "left")
-    right = R1.tcp(body.torso(torso), body.arm(np.array(q)), "right")
+    right = R1.tcp(mirroring.torso(torso), mirroring.arm(np.array(q)), "right")
     assert np.allclose(M @ left @ M, right)
 
 

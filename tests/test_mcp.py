@@ -21,8 +21,8 @@ pytest.importorskip("mcp")
 from mcp import Client, StdioServerParameters, stdio_client
 from mcp.client.streamable_http import streamable_http_client
 
-from mpvi_bt.mcp_server.runs import Runs
-from mpvi_bt.mcp_server.server import make_server
+from mpvi_bt.mcp_server.run_processes import Runs
+from mpvi_bt.mcp_server.tool_server import make_server
 from mpvi_bt.mcp_server.tools import Tools
 from tests.test_watch import MPVI, serving
 

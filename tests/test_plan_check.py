@@ -13,7 +13,7 @@ from mpvi_bt import paths
 from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.choices.planning import ground
 from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.plan.check import plan_problems
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.planning_context import MOST_FIXTURES, MOST_ROOMS, Grounding
 from mpvi_bt.plan.schema import Plan, load_plan
 from mpvi_bt.plan.skills import load_skills

@@ -19,7 +19,7 @@ from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.scripted_model import ScriptedChatModel
 from mpvi_bt.plan.answer_form import answer_schema, answer_text
-from mpvi_bt.plan.check import plan_problems
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.history import History, Unit
 from mpvi_bt.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
 from mpvi_bt.plan.planning_context import Grounding

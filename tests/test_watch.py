@@ -22,13 +22,13 @@ from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.trace.follow import Follow, Restarted
+from mpvi_bt.trace.growing_trace import Follow, Restarted
 from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.yaml_io import expanded
 from mpvi_bt.watch.address import Address
 from mpvi_bt.watch.channel import DEBUGGING
 from mpvi_bt.watch.guard import Guard
-from mpvi_bt.watch.run import WatchedRun
+from mpvi_bt.watch.watched_run import WatchedRun
 from tests.browser import BROWSER, Browser, browser
 from tests.test_html import Tags, hostile_lines, traces
 

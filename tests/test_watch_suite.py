@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from mpvi_bt.watch.suite import WatchedSuite, suite_page
+from mpvi_bt.watch.watched_suite import WatchedSuite, suite_page
 from tests.browser import BROWSER, browser
 from tests.suite_runs import FAKE, ROOT
 from tests.test_html import EVIL, Tags

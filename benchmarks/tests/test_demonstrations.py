@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.hands.demonstrations import demonstrate
 from mpvi_bt.datasets.demonstrations import check_demonstrations, find_demonstrations
-from mpvi_bt.learned.frames import read_frames
+from mpvi_bt.learned.training_set import read_frames
 
 
 @pytest.mark.slow

@@ -165,7 +165,7 @@ def _tree_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Prob
 
 
 def _plan_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Problem]:
-    from mpvi_bt.plan.check import plan_problems
+    from mpvi_bt.plan.plan_check import plan_problems
     from mpvi_bt.plan.schema import check_plan
     from mpvi_bt.plan.skills import load_skills
 

@@ -23,8 +23,8 @@ def edit(tree: Path, serve: Address | None) -> int:
     Whatever editor changes the file, the page follows; it can change and save it, too.
     """
     require_server()
-    from mpvi_bt.watch.edit import Edited
-    from mpvi_bt.watch.server import Server
+    from mpvi_bt.watch.edited_tree import Edited
+    from mpvi_bt.watch.page_server import Server
 
     if not tree.is_file():
         raise UserError(f"{tree}: no such file; `mpvi new tree NAME` writes one to begin with")

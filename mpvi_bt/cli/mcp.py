@@ -29,12 +29,12 @@ def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
     the trace of each is the record of what was done. docs/agents.md says more.
     """
     try:
-        from mpvi_bt.mcp_server.server import make_server
+        from mpvi_bt.mcp_server.tool_server import make_server
     except ImportError:
         from mpvi_bt.extras import install
 
         raise UserError(f"the protocol's SDK is not installed: {install('mcp')}") from None
-    from mpvi_bt.mcp_server.runs import Runs
+    from mpvi_bt.mcp_server.run_processes import Runs
     from mpvi_bt.mcp_server.tools import Tools
 
     check_writable(out)
@@ -51,8 +51,8 @@ def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
 
 
 def _over_http(server: Any, serve: Address) -> None:
-    from mpvi_bt.mcp_server.server import over_http
-    from mpvi_bt.watch.server import Server
+    from mpvi_bt.mcp_server.tool_server import over_http
+    from mpvi_bt.watch.page_server import Server
 
     bound = serve.bound()
     app = over_http(server)

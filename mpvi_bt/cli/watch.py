@@ -26,7 +26,7 @@ def watch(what: Path, serve: Address | None) -> int:
     the address printed.
     """
     require_server()
-    from mpvi_bt.watch.server import Server, watched
+    from mpvi_bt.watch.page_server import Server, watched
 
     if not what.exists():
         raise UserError(f"{what}: no such file or folder")

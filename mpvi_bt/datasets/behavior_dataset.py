@@ -21,7 +21,7 @@ from mpvi_bt.datasets.layouts import V21, Entry, prompts
 from mpvi_bt.datasets.parquet import Table, write_json
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.instances.human import human_stats
-from mpvi_bt.recording.demonstration import felt_again
+from mpvi_bt.recording.demonstration_recorder import felt_again
 from mpvi_bt.remote.behavior_layout import FIELDS, SIZE, action_for, camera_poses, encoded
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ

@@ -18,7 +18,7 @@ from pydantic import ConfigDict, Field
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.marked_yaml import Record, load_marked, validate_data
-from mpvi_bt.recording.demonstration import VERSION
+from mpvi_bt.recording.demonstration_recorder import VERSION
 from mpvi_bt.remote.prompts import prompt_of
 from mpvi_bt.robot.protocol import ACTION_SIZE
 

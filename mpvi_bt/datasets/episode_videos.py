@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.datasets.demonstrations import Demonstrated
 from mpvi_bt.errors import UserError
-from mpvi_bt.recording.demonstration import CameraVideo
+from mpvi_bt.recording.demonstration_recorder import CameraVideo
 from mpvi_bt.remote.wire_mapping import resize_with_pad
 
 

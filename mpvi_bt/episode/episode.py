@@ -34,7 +34,7 @@ from mpvi_bt.instances.tasks import Task
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.protocols import Policy
-from mpvi_bt.recording.demonstration import Demonstration
+from mpvi_bt.recording.demonstration_recorder import Demonstration
 from mpvi_bt.recording.path_picture import PathPicture
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.recording.rerun_log import RerunLog

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.learned.body import BODY, SIDE
+from mpvi_bt.learned.mirroring import BODY, SIDE
 from mpvi_bt.learned.features import STRIDE, WAYPOINT, WAYPOINTS, Approach, Moments, actor_inputs
 from mpvi_bt.learned.network import Networks
 from mpvi_bt.learned.points import TARGET_POINTS

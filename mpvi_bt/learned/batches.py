@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.learned.features import STRIDE, WAYPOINTS, Approach, Moments, actor_inputs, hand_at, waypoints
-from mpvi_bt.learned.frames import Frames
+from mpvi_bt.learned.training_set import Frames
 from mpvi_bt.learned.points import CONTEXT_POINTS, TARGET_POINTS
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array

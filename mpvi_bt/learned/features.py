@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.learned.body import BODY, SIDE
+from mpvi_bt.learned.mirroring import BODY, SIDE
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.rotations import rotation

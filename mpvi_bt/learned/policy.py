@@ -11,8 +11,8 @@ import numpy as np
 from mpvi_bt.errors import shown
 from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased
 from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
-from mpvi_bt.learned.hand import LearnedHand
 from mpvi_bt.learned.motions import MOTIONS, Motion
+from mpvi_bt.learned.learned_hand import LearnedHand
 from mpvi_bt.learned.network import Networks, Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.perception.detector import Detector

@@ -20,7 +20,7 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
 from mpvi_bt.learned.batches import ACTOR_POINTS, PROPOSER_POINTS, Batches
 from mpvi_bt.learned.features import HYPOTHESIS_SIZE, SCALE, WAYPOINTS
-from mpvi_bt.learned.frames import Frames
+from mpvi_bt.learned.training_set import Frames
 from mpvi_bt.learned.network import ACTOR, HYPOTHESES, POINT_WIDTHS, PROPOSER, Networks, Shape
 from mpvi_bt.robot.solids import Array
 

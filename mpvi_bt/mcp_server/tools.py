@@ -24,7 +24,7 @@ from mpvi_bt.mcp_server.answers import (
     TaskLine,
     Tasks,
 )
-from mpvi_bt.mcp_server.runs import Run, Runs
+from mpvi_bt.mcp_server.run_processes import Run, Runs
 
 _MOST = 200_000  # characters of a tree
 _EVERY_S = 0.5

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from mpvi_bt.errors import FileProblems, ModelError, Problem
-from mpvi_bt.language.answers import parse_json
+from mpvi_bt.language.json_answer import parse_json
 from mpvi_bt.language.chat import Answer, ChatModel
 from mpvi_bt.language.thinking import spoken
 from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.answer_form import answer_schema, read_segment
-from mpvi_bt.plan.check import plan_problems
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.example_plans import examples
 from mpvi_bt.plan.history import History
 from mpvi_bt.plan.planners import NoPlan, Planned

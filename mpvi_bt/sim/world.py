@@ -27,7 +27,7 @@ from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.cooking import Cooking
-from mpvi_bt.sim.cutting import Cutting
+from mpvi_bt.sim.blades import Cutting
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.looks import Looks
 from mpvi_bt.sim.marking import Marking, Tools

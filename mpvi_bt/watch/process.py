@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mpvi_bt.watch.feed import EVERY_S
-from mpvi_bt.watch.server import Server, Watching, watched
+from mpvi_bt.watch.page_server import Server, Watching, watched
 
 NICE = 5  # Our choice: where cores are few, the run goes first
 _LINE_BYTES = 1 << 22

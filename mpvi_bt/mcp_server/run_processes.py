@@ -19,7 +19,7 @@ from typing import Any, Literal
 from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import MpviError, UnknownName, UserError
 from mpvi_bt.mcp_server.answers import Progress
-from mpvi_bt.trace.follow import Follow
+from mpvi_bt.trace.growing_trace import Follow
 from mpvi_bt.trace.html import Frames
 
 _STOP_S = 30.0  # for a run to be saved and its goal to be scored, before it is killed

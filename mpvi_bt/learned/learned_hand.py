@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.learned import body
-from mpvi_bt.learned.body import SIDE
+from mpvi_bt.learned import mirroring
+from mpvi_bt.learned.mirroring import SIDE
 from mpvi_bt.learned.features import Moments
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Side
 from mpvi_bt.robot.solids import Array
@@ -35,7 +35,7 @@ class LearnedHand:
 
     def points(self, points: Array) -> Array:
         """Points (n, 3) as it sees them."""
-        return body.points(points) if self.mirrored else points
+        return mirroring.points(points) if self.mirrored else points
 
     def now(self) -> Moments:
         """What it feels, and the commands in force: one moment."""
@@ -43,9 +43,9 @@ class LearnedHand:
         base, speed, torso, told_torso = felt.base_pose, felt.base_velocity, felt.torso, told[ActionLayout.TORSO]
         arm, told_arm = felt.arm[self.side], told[ActionLayout.ARM[self.side]]
         if self.mirrored:
-            base, speed = body.base(base), body.base(speed)
-            torso, told_torso = body.torso(torso), body.torso(told_torso)
-            arm, told_arm = body.arm(arm), body.arm(told_arm)
+            base, speed = mirroring.base(base), mirroring.base(speed)
+            torso, told_torso = mirroring.torso(torso), mirroring.torso(told_torso)
+            arm, told_arm = mirroring.arm(arm), mirroring.arm(told_arm)
         width, grip = felt.gripper_width[self.side], told[ActionLayout.GRIPPER[self.side]]
         rows = (base, torso, arm, np.array(width), speed, told_torso, told_arm, np.array(grip))
         return Moments(*(np.asarray(row, float)[None] for row in rows))
@@ -59,7 +59,7 @@ class LearnedHand:
             grip: -1 closed ... 1 open.
         """
         if self.mirrored:
-            base, torso, arm = body.base(base), body.torso(torso), body.arm(arm)
+            base, torso, arm = mirroring.base(base), mirroring.torso(torso), mirroring.arm(arm)
         self.action[ActionLayout.BASE], self.action[ActionLayout.TORSO] = base, torso
         self.action[ActionLayout.ARM[self.side]], self.action[ActionLayout.GRIPPER[self.side]] = arm, grip
         return self.action.copy()

@@ -19,7 +19,7 @@ from mpvi_bt.errors import MpviError, Problem, UserError
 from mpvi_bt.trace.html import asset, embedded, filled
 from mpvi_bt.watch.drawer import Drawer, sentence
 from mpvi_bt.watch.feed import Feed
-from mpvi_bt.watch.run import body, file
+from mpvi_bt.watch.watched_run import body, file
 from mpvi_bt.writing import write_whole
 
 _LOOK_S = 0.02  # between two looks at the file: a fraction of the 0.3 s in which its problems are to be shown

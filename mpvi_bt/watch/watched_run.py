@@ -19,11 +19,11 @@ from starlette.types import ASGIApp
 
 from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import MpviError
-from mpvi_bt.trace.follow import Follow, Restarted
+from mpvi_bt.trace.growing_trace import Follow, Restarted
 from mpvi_bt.trace.html import Frames, More, page, told_end, told_facts
 from mpvi_bt.watch.channel import WORDS
 from mpvi_bt.watch.feed import EVERY_S, Feed
-from mpvi_bt.watch.server import Tell
+from mpvi_bt.watch.page_server import Tell
 
 _ALLOWS = "connect-src 'self'; img-src 'self'"
 _MOST_BYTES = 10_000  # of what a page's control says

@@ -50,8 +50,8 @@ def watched(what: Path, tell: Tell | None = None, says: Sequence[str] = ()) -> W
         tell: Tells the run what the page's controls say.
         says: What they can say: of `mpvi_bt.watch.channel.WORDS`.
     """
-    from mpvi_bt.watch.run import WatchedRun
-    from mpvi_bt.watch.suite import WatchedSuite
+    from mpvi_bt.watch.watched_run import WatchedRun
+    from mpvi_bt.watch.watched_suite import WatchedSuite
 
     if what.is_dir():
         return WatchedSuite(what)

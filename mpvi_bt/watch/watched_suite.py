@@ -23,7 +23,7 @@ from mpvi_bt.suite.standing import spoken, under_way
 from mpvi_bt.suite.store import Store
 from mpvi_bt.trace.html import asset, embedded, filled
 from mpvi_bt.watch.feed import Feed
-from mpvi_bt.watch.run import WatchedRun, file, waiting
+from mpvi_bt.watch.watched_run import WatchedRun, file, waiting
 
 _EVERY_S = 1.0  # the folder is looked at
 _FAILURES = 200  # shown, the last
