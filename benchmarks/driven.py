@@ -30,7 +30,7 @@ from websockets.exceptions import ConnectionClosed
 from benchmarks.serving import THEIRS
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.serving.served import Work, executive_server
+from mpvi_bt.serving.served import ServedWork, executive_server
 from tests.driven import GRIP, observation_2026
 from tests.openpi_env import openpi_python
 
@@ -57,7 +57,7 @@ async def echo(port: Callable[[int], None], tree: str) -> None:
 async def executive(port: Callable[[int], None], tree: str) -> None:
     """`mpvi serve mpvi`, with a tree, or with the plan of the task that observations name."""
     config = EpisodeConfig("", policy=GRIP, map="online", robot="r1pro", tree=tree or None)
-    async with executive_server("behavior-2026", Work(config)).listening("127.0.0.1", 0) as server:
+    async with executive_server("behavior-2026", ServedWork(config)).listening("127.0.0.1", 0) as server:
         port(server.port)
         await asyncio.Future()
 

@@ -29,7 +29,7 @@ from mpvi_bt.language.chat import Answer, ChatModel, Message, Schema
 from mpvi_bt.plan.answer_form import answer_schema
 from mpvi_bt.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
 from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.skills import load_skills
 
 _HOUSE = "family_house"  # of instructions whose task is not here
@@ -93,7 +93,7 @@ def main() -> None:
     for plan in sorted(recorded[: given.first], key=lambda plan: houses.get(plan.task_name, _HOUSE)):
         model.answers, model.failed_s = [], 0.0
         task = tasks.get(plan.task_name)
-        place: Grounding = ground(task.house, task) if task else ground(_HOUSE)
+        place: PlanningContext = ground(task.house, task) if task else ground(_HOUSE)
         try:
             LanguagePlanner(model, skills, place, recorded).ask(plan.task_name, plan.instruction)
             end = "valid" if len(model.answers) == 1 else "mended"

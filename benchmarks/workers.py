@@ -27,7 +27,7 @@ from mpvi_bt.choices.methods import load_method
 from mpvi_bt.episode.result import Result
 from mpvi_bt.report.figures import wall_shares
 from mpvi_bt.suite.processes import ProcessEngine
-from mpvi_bt.suite.progress import Progress
+from mpvi_bt.suite.progress import SuiteProgress
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 from mpvi_bt.suite.store import Store
@@ -87,7 +87,7 @@ def measure(episodes: list[EpisodeConfig], workers: int) -> Measured:
     """Run the episodes anew with that many workers."""
     with tempfile.TemporaryDirectory() as out, Watch() as watch:
         budget_s = budgets_s(episodes)
-        progress = Progress(open(os.devnull, "w"), Pace(budget_s))  # noqa: PTH123, SIM115
+        progress = SuiteProgress(open(os.devnull, "w"), Pace(budget_s))  # noqa: PTH123, SIM115
         began, cpu_s = time.perf_counter(), _children_s()
         outcome = run_suite(
             episodes, Store(Path(out)), ProcessEngine(workers), progress, lambda todo: in_rounds(todo, budget_s)

@@ -227,10 +227,10 @@ def run_suite(
         FileProblems: Everything that is wrong with a file, or with `settings`.
         BackendError: Every episode would break alike.
     """
-    from mpvi_bt.report.several import Part
+    from mpvi_bt.report.several import SuiteFolder
     from mpvi_bt.report.told import Told
     from mpvi_bt.suite.play import Where, play
-    from mpvi_bt.suite.progress import Progress
+    from mpvi_bt.suite.progress import SuiteProgress
     from mpvi_bt.suite.store import Store
     from mpvi_bt.suite.suites import load_suite
 
@@ -244,12 +244,12 @@ def run_suite(
         title,
         store,
         load_suite(str(suite)).episodes(**options),
-        lambda pace: Progress(sys.stderr if progress else io.StringIO(), pace),
+        lambda pace: SuiteProgress(sys.stderr if progress else io.StringIO(), pace),
         tasks=tasks,
         instances=instances,
         where=Where(workers=workers),
     )
-    return Told.of([Part(title, store, outcome.episodes, outcome.results, outcome.faults)], [str(suite)])
+    return Told.of([SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults)], [str(suite)])
 
 
 def _asked(

@@ -13,7 +13,7 @@ from mpvi_bt.yaml_reader import Marks
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileKind:
     """A kind of file: any of `keys` tells it, or else the name of its folder.
 
     Attributes:
@@ -40,11 +40,11 @@ class Kind:
 
 
 KINDS = (
-    Kind("a tree", frozenset({"tree", "root"}), "trees", "mpvi run --tree FILE", "mpvi_bt.tree.yaml_io:check_tree"),
-    Kind(
+    FileKind("a tree", frozenset({"tree", "root"}), "trees", "mpvi run --tree FILE", "mpvi_bt.tree.yaml_io:check_tree"),
+    FileKind(
         "a plan", frozenset({"task_name", "segments"}), "plans", "mpvi compile FILE", "mpvi_bt.plan.schema:check_plan"
     ),
-    Kind(
+    FileKind(
         "a skill",
         frozenset({"phrases", "triggers"}),
         "skills",
@@ -52,23 +52,27 @@ KINDS = (
         "mpvi_bt.plan.skills:check_skill",
         "mpvi_bt.episode.doers:lint_skill",
     ),
-    Kind("a house", frozenset({"rooms", "doorways"}), "houses", "a task's 'house'", "mpvi_bt.house.house:check_house"),
-    Kind(
+    FileKind(
+        "a house", frozenset({"rooms", "doorways"}), "houses", "a task's 'house'", "mpvi_bt.house.house:check_house"
+    ),
+    FileKind(
         "a suite",
         frozenset({"tasks", "instances", "seeds"}),
         "suites",
         "mpvi suite run FILE",
         "mpvi_bt.suite.suites:check_suite",
     ),
-    Kind(
+    FileKind(
         "a method",
         frozenset({"policy", "detector", "checker", "trigger", "planner", "map", "drive", "on_failure", "while_asked"}),
         "methods",
         "mpvi run --method FILE",
         "mpvi_bt.choices.methods:check_method",
     ),
-    Kind("a task", frozenset({"problem", "bindings"}), "tasks", "mpvi run FILE", "mpvi_bt.instances.tasks:check_task"),
-    Kind(
+    FileKind(
+        "a task", frozenset({"problem", "bindings"}), "tasks", "mpvi run FILE", "mpvi_bt.instances.tasks:check_task"
+    ),
+    FileKind(
         "a catalogue",
         frozenset({"entries"}),
         "catalogues",
@@ -76,23 +80,25 @@ KINDS = (
         "mpvi_bt.things.catalogue:check_catalogue",
         "mpvi_bt.things.catalogue:lint_catalogue",
     ),
-    Kind(
+    FileKind(
         "a file of rules",
         frozenset({"substitute"}),
         "rules",
         "mpvi run --substitute FILE",
         "mpvi_bt.tree.substitute:check_rules",
     ),
-    Kind(
+    FileKind(
         "a policy",
         frozenset({"observation", "action", "connect_s", "answer_s", "reset_message"}),
         "policies",
         "a folder policies/ in MPVI_PATH",
         "mpvi_bt.remote.dialect_settings:check_settings",
     ),
-    Kind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
-    Kind("a result of an episode", frozenset({"q_score", "goal_fraction", "rollout_id", "config"}), "", "mpvi suite"),
-    Kind("a JSON schema", frozenset({"$schema", "$defs", "definitions"}), "schema", "an editor"),
+    FileKind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
+    FileKind(
+        "a result of an episode", frozenset({"q_score", "goal_fraction", "rollout_id", "config"}), "", "mpvi suite"
+    ),
+    FileKind("a JSON schema", frozenset({"$schema", "$defs", "definitions"}), "schema", "an editor"),
 )
 _TEXTS = (  # what is neither YAML nor JSON of ours, by its beginning
     (re.compile(r"\s*\{\s*\"trace\"\s*:"), "the trace of a run", "mpvi replay FILE` and `mpvi explain FILE"),
@@ -100,7 +106,7 @@ _TEXTS = (  # what is neither YAML nor JSON of ours, by its beginning
 )
 
 
-def kind_of(data: Any, marks: Marks) -> Kind:
+def kind_of(data: Any, marks: Marks) -> FileKind:
     """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
     keys = set(data) if isinstance(data, dict) else set()
     folder = Path(marks.file).resolve().parent.name
@@ -120,7 +126,7 @@ def expect(name: str, data: Any, marks: Marks) -> None:
         raise FileProblems([marks.problem((), "wrong-kind", f"this is {kind.name}, not {due.name}; {taken_by(kind)}")])
 
 
-def taken_by(kind: Kind) -> str:
+def taken_by(kind: FileKind) -> str:
     """What a file of that kind is for, in words."""
     return f"it is for {f'`{kind.use}`' if kind.use.startswith('mpvi') else kind.use}"
 

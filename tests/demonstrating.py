@@ -12,7 +12,7 @@ import numpy as np
 
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
-from mpvi_bt.recording.demonstration_recorder import CAMERAS, Demonstration
+from mpvi_bt.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder
 from mpvi_bt.robot.protocol import ACTION_SIZE, Proprioception, Side
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import load_tree
@@ -68,7 +68,7 @@ def recorded(
     """A demonstration of so many frames, in a folder."""
     tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving(robot))
     told = {"task": "hello", "instance": 0, "seed": 0, "instruction": "Wave.", "config": {"robot": robot}, **about}
-    demonstration = Demonstration(folder, told, fps, cameras)
+    demonstration = DemonstrationRecorder(folder, told, fps, cameras)
     demonstration.start(tree, world)
     for _ in range((frames - 1) * (30 // fps) + 1):
         demonstration.step(tree, world)

@@ -21,7 +21,7 @@ from mpvi_bt.robot.limits import travel_action
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.serving.served import Work, executive_server
+from mpvi_bt.serving.served import ServedWork, executive_server
 from mpvi_bt.testing import KinematicWorld
 from tests.serving import client, received, running
 
@@ -140,7 +140,7 @@ def driving(
     tree = folder / "exercise.yaml"
     tree.write_text(TREE)
     given = {"tree": str(tree), "policy": GRIP, "map": "online", "robot": "r1pro", **config}
-    work = Work(EpisodeConfig(given.pop("task", ""), **given), out=folder / "runs")
+    work = ServedWork(EpisodeConfig(given.pop("task", ""), **given), out=folder / "runs")
     say = (said if said is not None else []).append
     with running(executive_server(dialect, work, say=say)) as server, client(server) as connection:
         yield Driver(connection, dialect, batched)

@@ -10,9 +10,9 @@ from typing import Any
 
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.metrics import Measurement
-from mpvi_bt.episode.result import Failure, make_result
+from mpvi_bt.episode.result import FailureRecord, make_result
 from mpvi_bt.errors import UserError
-from mpvi_bt.goals.evaluate import Condition, GoalReport
+from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 from mpvi_bt.instances.tasks import Task
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.writing import write_whole
@@ -55,7 +55,7 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
 def fake_result(config: EpisodeConfig, steps: int = 900, backend: bool = False) -> dict[str, Any]:
     """A result that depends on nothing but the config."""
     success = config.instance % 2 == 0
-    conditions = (Condition("inside(can, bin)", success),)
+    conditions = (GoalCondition("inside(can, bin)", success),)
     goal = GoalReport(
         satisfied=success, q=1.0 if success else 0.5, fraction=1.0 if success else 0.5, conditions=conditions
     )
@@ -63,12 +63,15 @@ def fake_result(config: EpisodeConfig, steps: int = 900, backend: bool = False) 
     failures = (
         []
         if success
-        else [Failure(node="task/2 pick/timeout", reason="timeout", feedback="still reaching", time_s=12.0)]
+        else [FailureRecord(node="task/2 pick/timeout", reason="timeout", feedback="still reaching", time_s=12.0)]
     )
     measured = Measurement(steps, 2.0, hands, {"left": 1.0, "right": 2.0})
     ended = "success" if success else "failure"
     if backend:
-        ended, failures = "backend_error", [Failure(node="task/pick", reason="server_closed", feedback="it went away")]
+        ended, failures = (
+            "backend_error",
+            [FailureRecord(node="task/pick", reason="server_closed", feedback="it went away")],
+        )
     wall = {"total_s": float(os.environ.get("FAKE_SLEEP", "1"))}
     result = make_result(config, TASK, goal, measured, ended=ended, failures=failures, wall=wall)
     return result.model_dump(mode="json")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import PolicyError
-from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
+from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.robot.protocol import ACTION_SIZE
 from mpvi_bt.testing.doubles import KinematicRobot
@@ -22,7 +22,7 @@ CHUNK = np.arange(4 * ACTION_SIZE, dtype=np.float32).reshape(4, -1) / 100
 QUICK = {"connect_s": 4.0, "answer_s": 4.0, "tries": 2, "max_mb": 1}  # what is told at once is told within these
 
 
-def quick(**changed: Any) -> Settings:
+def quick(**changed: Any) -> DialectSettings:
     """Settings of comet's native server, with short waits."""
     return load_settings("openpi_comet").model_copy(update={**QUICK, **changed})
 

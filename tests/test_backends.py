@@ -14,8 +14,8 @@ import pytest
 from mpvi_bt.choices.backends import BACKENDS, choose, privileged
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.plugins import OFFERED, asked_for
-from mpvi_bt.choices.policies import Ground, check_policy_choice, in_chunks, make_policy
-from mpvi_bt.cli.given import Choice
+from mpvi_bt.choices.policies import PolicyInputs, check_policy_choice, in_chunks, make_policy
+from mpvi_bt.cli.given import BackendType
 from mpvi_bt.episode.episode import _renders
 from mpvi_bt.episode.prepare import check_backends
 from mpvi_bt.episode.saved_episode import SavedSettings
@@ -84,13 +84,13 @@ def test_settings_that_do_not_fit_are_refused(changes: dict[str, Any], said: str
 
 def test_a_remote_policy_is_made_without_its_server() -> None:
     """It is connected to only when it is first used."""
-    assert make_policy(THERE, Ground({}), "openpi_comet").name == THERE
+    assert make_policy(THERE, PolicyInputs({}), "openpi_comet").name == THERE
 
 
 def test_what_reads_the_simulator_is_not_made_without_one() -> None:
     """The expert cannot be served."""
     with pytest.raises(UserError, match="reads the simulator"):
-        make_policy("expert", Ground(load_skills()))
+        make_policy("expert", PolicyInputs(load_skills()))
 
 
 def test_chunks_are_carried_out_as_the_config_says() -> None:
@@ -132,9 +132,9 @@ def test_names_are_completed() -> None:
     """With the colon where an address follows."""
     context = click.Context(click.Command("run"))
     parameter = click.Option(["--policy"])
-    items = Choice("policy").shell_complete(context, parameter, "")
+    items = BackendType("policy").shell_complete(context, parameter, "")
     assert [item.value for item in items] == ["expert", "reactive", "learned", "openpi:", "vla_eval:"]
-    assert [item.value for item in Choice("policy").shell_complete(context, parameter, "re")] == ["reactive"]
+    assert [item.value for item in BackendType("policy").shell_complete(context, parameter, "re")] == ["reactive"]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.choices.backends import choose, pair
-from mpvi_bt.choices.policies import Ground, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, make_policy
 from mpvi_bt.errors import UserError
 from mpvi_bt.manipulation.policies.backup import WithBackup
 from mpvi_bt.plan.skills import load_skills
@@ -91,4 +91,4 @@ def test_the_pair_is_privileged_and_sees_as_either_of_the_two():
 def test_a_policy_does_not_stand_behind_itself():
     """It would refuse twice."""
     with pytest.raises(UserError, match="cannot stand behind itself"):
-        make_policy("learned+learned", Ground(SKILLS))
+        make_policy("learned+learned", PolicyInputs(SKILLS))

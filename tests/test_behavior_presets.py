@@ -15,7 +15,7 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.policies import check_policy_choice, settings_for
 from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
 from mpvi_bt.remote.briefing import briefed, check_robot
-from mpvi_bt.remote.dialect_settings import CAMERAS, Observation, Settings, load_settings
+from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, Observation, load_settings
 from mpvi_bt.remote.prompts import prompt_of, read_prompts
 from mpvi_bt.remote.wire_mapping import actions_of, message_of, resize_with_crop
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
@@ -195,7 +195,7 @@ def test_an_answer_in_another_dialect_is_told(name: str, reply: Any, words: list
 # --- what is told of the task
 
 
-def with_prompts(tmp_path: Path, text: str) -> Settings:
+def with_prompts(tmp_path: Path, text: str) -> DialectSettings:
     (tmp_path / "prompts.json").write_text(text)
     mine = tmp_path / "mine.yaml"
     mine.write_text("about: Mine\nobservation: { prompts: prompts.json }\n")
@@ -296,6 +296,6 @@ def test_a_run_is_refused_before_it_begins(tmp_path: Path) -> None:
 def test_settings_of_a_body_that_the_robot_lacks_are_refused(settings: Any, words: str) -> None:
     """The fetch has one arm: it is told before an episode begins. Robots with two have all that there is."""
     with pytest.raises(UserError, match=words):
-        check_robot(Settings.model_validate(settings), robot_named("fetch"))
+        check_robot(DialectSettings.model_validate(settings), robot_named("fetch"))
     for robot in ("r1", "r1pro"):
-        check_robot(Settings.model_validate(settings), robot_named(robot))
+        check_robot(DialectSettings.model_validate(settings), robot_named(robot))

@@ -18,7 +18,7 @@ from mpvi_bt.cli.check import check
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.things.catalogue import Entry, load_catalogue
-from mpvi_bt.things.description import Body
+from mpvi_bt.things.description import RigidBody
 from mpvi_bt.things.families import FAMILIES, describe, family
 
 ENTRIES = list(load_catalogue())
@@ -99,7 +99,7 @@ def test_closed_doors_lie_before_their_carcass(entry: Entry) -> None:
         assert 0 < body.joint.limit <= 2.0
 
 
-def _at(body: Body, point: np.ndarray, fraction: float) -> np.ndarray:
+def _at(body: RigidBody, point: np.ndarray, fraction: float) -> np.ndarray:
     assert body.joint is not None
     T = body.frame(fraction * body.joint.limit)
     return T[:3, :3] @ point + T[:3, 3]

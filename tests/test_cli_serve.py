@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from mpvi_bt.choices.policies import Ground, demonstrations, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, demonstrations, make_policy
 from mpvi_bt.cli.serve import serve
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.plan.skills import load_skills
@@ -109,7 +109,7 @@ def test_a_client_gets_what_the_methods_get_in_process() -> None:
     instruction = next(iter(known))
     with _served("reactive", "--seed", "3") as address:
         for told, whole in ((instruction, known), (known[instruction][0], None), ("sing a song", known)):
-            here = make_policy("reactive", Ground(skills, vocabulary, seed=3, demonstrations=whole))
+            here = make_policy("reactive", PolicyInputs(skills, vocabulary, seed=3, demonstrations=whole))
             there = OpenpiPolicy(address, "mpvi", vocabulary)
             here.reset()
             there.reset()

@@ -21,12 +21,12 @@ from hypothesis import strategies as st
 from mpvi_bt.cli.dataset import dataset
 from mpvi_bt.cli.group import run
 from mpvi_bt.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
-from mpvi_bt.datasets.lerobot import Form, write_dataset
+from mpvi_bt.datasets.lerobot import DatasetForm, write_dataset
 from mpvi_bt.datasets.normalization import QUANTILES
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
-from mpvi_bt.recording.demonstration_recorder import CAMERAS, Demonstration, state
+from mpvi_bt.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder, state
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.tree.build import Tree
@@ -62,7 +62,7 @@ def test_a_row_says_where_cameras_were_against_the_base(tmp_path: Path) -> None:
 def test_pictures_are_taken_only_for_rows(tmp_path: Path) -> None:
     """A picture costs more than all else: none is rendered between rows."""
     tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
-    demonstration = Demonstration(tmp_path / "one", {}, 10, ("head",))
+    demonstration = DemonstrationRecorder(tmp_path / "one", {}, 10, ("head",))
     demonstration.start(tree, world)
     for world.steps in range(9):
         demonstration.step(tree, world)
@@ -74,7 +74,7 @@ def test_an_episode_that_broke_leaves_no_demonstration(tmp_path: Path) -> None:
     """What a server or a Ctrl-C cut short is no demonstration: no description is written, which comes last."""
     for ending in ("interrupted", "backend_error", "error"):
         tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
-        demonstration = Demonstration(tmp_path / ending, {}, 10, ())
+        demonstration = DemonstrationRecorder(tmp_path / ending, {}, 10, ())
         demonstration.start(tree, world)
         demonstration.step(tree, world)
         demonstration.end(Outcome(cast("Any", ending)))
@@ -330,7 +330,7 @@ def test_lerobots_own_loader_reads_what_was_recorded(version: Any, tmp_path: Pat
     if (python := os.environ.get(LEROBOTS[version])) is None:
         pytest.skip(f"{LEROBOTS[version]} names no environment with lerobot")
     folders = [recorded(tmp_path / f"e{n}", n) for n in (12, 9)]
-    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set", Form(format=version))
+    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set", DatasetForm(format=version))
     script = [python, str(Path(__file__).with_name("lerobot_loader.py")), str(tmp_path / "set")]
     done = subprocess.run([*script, "observation.images.head"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

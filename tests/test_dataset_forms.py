@@ -12,7 +12,7 @@ import pytest
 
 from mpvi_bt.cli.group import run
 from mpvi_bt.datasets.demonstrations import check_demonstrations, read_demonstration
-from mpvi_bt.datasets.lerobot import Form, write_dataset
+from mpvi_bt.datasets.lerobot import DatasetForm, write_dataset
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.behavior_layout import FIELDS
 from tests.demonstrating import held, recorded, told
@@ -58,7 +58,7 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Sequence[Path]:
 
 def written(folders: Sequence[Path], out: Path, **form: Any) -> dict[str, Any]:
     """Write a dataset of recordings; what its `info.json` says."""
-    write_dataset([read_demonstration(folder) for folder in folders], out, Form(**form))
+    write_dataset([read_demonstration(folder) for folder in folders], out, DatasetForm(**form))
     info: dict[str, Any] = json.loads((out / "meta/info.json").read_text())
     return info
 

@@ -15,7 +15,7 @@ import pytest
 
 import mpvi_bt
 from mpvi_bt.errors import DetectorError
-from mpvi_bt.perception.detector import Detection, Guarded
+from mpvi_bt.perception.detector import Detection, GuardedDetector
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing import KinematicRobot, check_detector
 
@@ -44,18 +44,18 @@ class Saying:
 
 def fails(answer: Callable[[Sequence[str]], Any], limit_s: float = 5.0) -> DetectorError:
     with pytest.raises(DetectorError) as caught:
-        Guarded(Saying(answer), limit_s).detect(IMAGE, ["cup"])
+        GuardedDetector(Saying(answer), limit_s).detect(IMAGE, ["cup"])
     return caught.value
 
 
 def test_what_a_good_detector_finds_goes_through() -> None:
     """The guard takes nothing away, adds nothing, and keeps the contract and the name."""
-    guarded = Guarded(Saying())
-    check_detector(lambda: Guarded(Saying()), [IMAGE], ["cup", "bowl"])
+    guarded = GuardedDetector(Saying())
+    check_detector(lambda: GuardedDetector(Saying()), [IMAGE], ["cup", "bowl"])
     assert (guarded.name, guarded.note) == ("saying", "")
     (found,) = guarded.detect(IMAGE, ["cup"])
     np.testing.assert_array_equal(found.box, BOX)
-    (found,) = Guarded(Saying(lambda _: (Detection("cup", 1, BOX),))).detect(IMAGE, ["cup"])
+    (found,) = GuardedDetector(Saying(lambda _: (Detection("cup", 1, BOX),))).detect(IMAGE, ["cup"])
     assert found.mask is None
 
 
@@ -128,7 +128,7 @@ def test_a_detector_that_hangs_is_left_alone_until_it_comes_back() -> None:
     """The wait is bounded, the next call is refused at once, and what comes too late is thrown away."""
     free = threading.Event()
     answers = iter([lambda: (free.wait(20), [Detection("cup", 0.1, BOX)])[1], lambda: [Detection("cup", 0.2, BOX)]])
-    guarded = Guarded(Saying(lambda _: next(answers)()), limit_s=0.2)
+    guarded = GuardedDetector(Saying(lambda _: next(answers)()), limit_s=0.2)
     started = time.monotonic()
     for _ in range(3):
         with pytest.raises(DetectorError) as caught:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mpvi_bt.drawing.endings import ENDED, ended
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.goals.evaluate import Condition, GoalReport
+from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 from mpvi_bt.recording.path_picture import PathPicture, path_picture
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.robot.r1 import R1
@@ -30,7 +30,7 @@ from tests.conftest import Shell
 from tests.navigation_maps import two_rooms
 from tests.test_recorders import SKILLS, SPEC
 
-GOAL = GoalReport(False, 1 / 3, 1 / 3, (Condition("inside(can, bin)", False), Condition("open(door)", True)))
+GOAL = GoalReport(False, 1 / 3, 1 / 3, (GoalCondition("inside(can, bin)", False), GoalCondition("open(door)", True)))
 
 
 class Order(Watcher):

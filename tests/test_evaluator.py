@@ -23,8 +23,8 @@ from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.serving.evaluator import Session, evaluate
-from mpvi_bt.serving.served import Work, executive_server
+from mpvi_bt.serving.evaluator import Evaluation, evaluate
+from mpvi_bt.serving.served import ServedWork, executive_server
 from mpvi_bt.tree.build import Tree
 from tests.serving import running
 
@@ -91,7 +91,7 @@ def _still(message: dict[str, Any], count: int) -> dict[str, Any]:
 def test_it_goes_on_as_the_evaluators_do(tmp_path: Path) -> None:
     """Resets, shapes of what is sent, replayed chunks and results, of 2025 and 2026, from the same start."""
     with scripted(_still) as (address, heard):
-        (first,) = evaluate(Session(address, "behavior-2025", TASK, max_steps=2, out=tmp_path), Ear())
+        (first,) = evaluate(Evaluation(address, "behavior-2025", TASK, max_steps=2, out=tmp_path), Ear())
         resets = [list(message) == ["reset"] for message in heard]
         assert resets == [True, True, True, False, False]
         assert "mpvi::names" not in heard[-1]
@@ -99,7 +99,7 @@ def test_it_goes_on_as_the_evaluators_do(tmp_path: Path) -> None:
         assert old["robot_r1::proprio"].shape == (256,)
         assert old["robot_r1::robot_r1:zed_link:Camera:0::rgb"].shape == (320, 320, 4)
         heard.clear()
-        session = Session(address, "behavior-2026", TASK, batched=True, chunk=4, max_steps=10, out=tmp_path)
+        session = Evaluation(address, "behavior-2026", TASK, batched=True, chunk=4, max_steps=10, out=tmp_path)
         ear = Ear()
         (second,) = evaluate(session, ear)
         assert [list(message) == ["reset"] for message in heard] == [True, False, False, False]
@@ -149,10 +149,10 @@ def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
     within: dict[Literal["openpi", "behavior-2025"], float] = {"openpi": 0.0, "behavior-2025": 1e-3}
     for dialect, tolerance in within.items():
         ear = Ear()
-        with running(executive_server(dialect, Work(config))) as server:
+        with running(executive_server(dialect, ServedWork(config))) as server:
             address = f"127.0.0.1:{server.port}"
             evaluate(
-                Session(address, dialect, TASK, labels=True, on_demand=True, max_steps=steps),
+                Evaluation(address, dialect, TASK, labels=True, on_demand=True, max_steps=steps),
                 ear,
             )
         np.testing.assert_allclose(ear.actions, here.actions, rtol=0, atol=tolerance)
@@ -167,9 +167,9 @@ def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: Litera
     here, ear = Acts(20_000), Ear()
     run(EpisodeConfig(task, policy="reactive", map="online", robot=robot), [here])
     config = EpisodeConfig("", policy="reactive", map="online", robot=robot)
-    with running(executive_server("openpi", Work(config))) as server:
+    with running(executive_server("openpi", ServedWork(config))) as server:
         address = f"127.0.0.1:{server.port}"
-        (rollout,) = evaluate(Session(address, "openpi", task, robot=robot, labels=True, on_demand=True), ear)
+        (rollout,) = evaluate(Evaluation(address, "openpi", task, robot=robot, labels=True, on_demand=True), ear)
     assert (rollout.goal.q, rollout.ended) == (1.0, "success")
     assert len(ear.actions) <= len(here.actions)
     np.testing.assert_array_equal(ear.actions, here.actions[: len(ear.actions)])
@@ -187,7 +187,7 @@ def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: Litera
 def test_what_cannot_be_evaluated_is_told_at_once(given: dict[str, Any], why: str) -> None:
     """Before a server is looked for."""
     with pytest.raises(UserError, match=why):
-        evaluate(Session(**{"address": "127.0.0.1:9", "dialect": "behavior-2025", "task": TASK, **given}), Ear())
+        evaluate(Evaluation(**{"address": "127.0.0.1:9", "dialect": "behavior-2025", "task": TASK, **given}), Ear())
 
 
 def test_a_server_that_is_not_there_is_told() -> None:
@@ -214,5 +214,5 @@ def test_bad_answers_are_told() -> None:
     """Each by what is wrong with it; an answer without an action is asked for three times."""
     for answer, why in BAD.values():
         with scripted(answer) as (address, heard), pytest.raises(PolicyError, match=why):
-            evaluate(Session(address, "behavior-2025", TASK, max_steps=2), Ear())
+            evaluate(Evaluation(address, "behavior-2025", TASK, max_steps=2), Ear())
         assert sum("reset" not in message for message in heard) == (3 if "3 answers" in why else 1)

@@ -14,7 +14,7 @@ from mpvi_bt.errors import DetectorError
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.goals import Handoff, distance_to
 from mpvi_bt.navigation.lookout import Lookout
-from mpvi_bt.perception.detector import Detection, Detector, Guarded
+from mpvi_bt.perception.detector import Detection, Detector, GuardedDetector
 from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
@@ -404,7 +404,7 @@ def test_a_detector_that_fails_finds_nothing_and_stops_nothing() -> None:
     """Each failure is counted, and the search ends as any that finds nothing."""
     grid_map, boxes = house(CUP)
     robot = Seeing(1.0, 2.0, 3.0, boxes)
-    navigator = exploring(robot, Guarded(Failing()), grid_map)
+    navigator = exploring(robot, GuardedDetector(Failing()), grid_map)
     report, _ = play(robot, navigator, "cup")
     assert report.reason == "not_found"
     discoveries = navigator.lookout.discoveries

@@ -18,7 +18,7 @@ import pytest
 
 from mpvi_bt.errors import DetectorError
 from mpvi_bt.extras import install
-from mpvi_bt.perception.detector import ROBOT, Guarded
+from mpvi_bt.perception.detector import ROBOT, GuardedDetector
 from mpvi_bt.perception.grounding_dino import MODEL, GroundingDinoDetector, prompt
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing import check_detector
@@ -89,7 +89,7 @@ def test_it_keeps_the_contract_of_detectors(folder: Path) -> None:
         return GroundingDinoDetector(str(folder), box_threshold=0.0, text_threshold=0.3, device="cpu")
 
     check_detector(make, [picture()], ["cup", "the red can on the table", "can of soda"])
-    found = Guarded(make()).detect(picture(), ["cup", "the red can on the table", "bowl"])
+    found = GuardedDetector(make()).detect(picture(), ["cup", "the red can on the table", "bowl"])
     assert found
     assert all(d.mask is None for d in found)
 

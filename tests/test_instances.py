@@ -17,7 +17,7 @@ from mpvi_bt.episode.prepare import check_episode
 from mpvi_bt.errors import UserError
 from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
-from mpvi_bt.house.boards import Shape
+from mpvi_bt.house.boards import MovableForm
 from mpvi_bt.house.ground import standing_room
 from mpvi_bt.house.house import load_house
 from mpvi_bt.house.prior_map import prior_map
@@ -99,7 +99,7 @@ def assert_apart_at_first(start: Start) -> None:
     """No thing is drawn into another one, by the points of its surface."""
     solids, points = {}, {}
     for name, placement in start.objects.items():
-        shape = Shape(placement.entry, start.openings.get(name, {}))
+        shape = MovableForm(placement.entry, start.openings.get(name, {}))
         solids[name] = Surroundings([solid.moved(placement.T_world) for solid in shape.solids])
         points[name] = shape.points @ placement.T_world[:3, :3].T + placement.T_world[:3, 3]
     for name, p in points.items():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.executive.dry import EmptyWorld, dry_context
 from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.executive.replanning import Replanning
+from mpvi_bt.executive.replanning import Replanner
 from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.plan.history import History, Unit
 from mpvi_bt.plan.later import LaterPlanner
@@ -99,7 +99,7 @@ def episode(*failing: str) -> tuple[Tree, Outcome]:
     tree = Tree(compile_plan(TIDY, SKILLS, "replan"), stand_ins(rules, dry=True))
     world = EmptyWorld()
     context = dry_context(world, tree, SKILLS)
-    context.replanning = Replanning(LaterPlanner(TIDY, SKILLS), tree, context)
+    context.replanning = Replanner(LaterPlanner(TIDY, SKILLS), tree, context)
     return tree, run_episode(tree, world, context, [], 600.0)
 
 

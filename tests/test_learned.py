@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mpvi_bt.errors import UserError
 from mpvi_bt.learned import mirroring
 from mpvi_bt.learned.demonstration import Demonstration
-from mpvi_bt.learned.features import Approach, bases, hand_at
+from mpvi_bt.learned.features import TargetFrame, bases, hand_at
 from mpvi_bt.learned.network import Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
@@ -63,7 +63,7 @@ def test_a_stance_comes_back_from_its_hypothesis(numbers, base):
     """What the proposer learns to say stands for the stance that was demonstrated, and its hand pose."""
     stance = np.array(numbers)[None]
     points = np.random.default_rng(0).normal(2.0, 0.1, (1, 8, 3))
-    frame = Approach.of(np.array(base)[None], points, 4)
+    frame = TargetFrame.of(np.array(base)[None], points, 4)
     back, hands = frame.stance(frame.hypothesis(stance))
     assert np.allclose(bases(back[:, :3]), bases(stance[:, :3]))
     assert np.allclose(back[:, 3:], stance[:, 3:])

@@ -13,12 +13,12 @@ from mpvi_bt.cli import main
 from mpvi_bt.errors import UserError
 from mpvi_bt.learned import training
 from mpvi_bt.learned.batches import Batches
-from mpvi_bt.learned.mirroring import BODY, SIDE
 from mpvi_bt.learned.demonstration import Demonstration
 from mpvi_bt.learned.features import SCALE, WAYPOINTS
-from mpvi_bt.learned.training_set import read_frames
+from mpvi_bt.learned.mirroring import BODY, SIDE
 from mpvi_bt.learned.network import Networks, Weights
 from mpvi_bt.learned.training import Training, train
+from mpvi_bt.learned.training_set import read_frames
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
 

@@ -23,7 +23,7 @@ from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.instances import expanded_problem
 from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.maniskill.agent import DeltaController, HandController, PositionController
-from mpvi_bt.maniskill.batch import Layout, Standing, Twin, begun, twin
+from mpvi_bt.maniskill.batch import BatchState, StateLayout, Twin, begun, twin
 from mpvi_bt.maniskill.drive_tensors import Drives
 from mpvi_bt.maniskill.env import MpviHouseEnv
 from mpvi_bt.robot import kinematics as kin
@@ -161,7 +161,7 @@ def test_one_twin_judges_three_rows_as_their_worlds_are_judged() -> None:
     names = begun(TASK, 0, "public").start.scene_names
     due = [snapshot(problem, truth_in(world, names)) for world in worlds]
     assert len({sum(truth.values()) for truth in due}) == 3
-    layout = Layout(
+    layout = StateLayout(
         {name: worlds[0].thing(name) for name in worlds[0].things},
         [joint.name for joint in worlds[0].robot.articulation.active_joints],
     )
@@ -179,8 +179,8 @@ def test_one_twin_judges_three_rows_as_their_worlds_are_judged() -> None:
 
 def test_rows_are_told_apart_by_what_moved() -> None:
     """Only the rows in which a thing or a door has moved are followed; what the robot does is no matter."""
-    before = Standing(torch.zeros(3, 2, 7), torch.zeros(3, 4), torch.zeros(3, 5))
-    now = Standing(before.poses.clone(), before.joints.clone(), torch.ones(3, 5))
+    before = BatchState(torch.zeros(3, 2, 7), torch.zeros(3, 4), torch.zeros(3, 5))
+    now = BatchState(before.poses.clone(), before.joints.clone(), torch.ones(3, 5))
     now.poses[1, 0, 2], now.joints[2, 3] = 0.01, 0.02
     assert now.moved_since(before).tolist() == [False, True, True]
     assert now.moved_since(None).all()
@@ -299,7 +299,7 @@ def test_a_finger_turns_on_what_a_twin_has() -> None:
     """A switch that stays at a fingertip where things are simulated is on in the twin after its five steps."""
     episode = begun("turning_on_radio", 0, "public")
     world = twin(load_house(load_task("turning_on_radio").house), episode, "r1")
-    layout = Layout(
+    layout = StateLayout(
         {name: world.thing(name) for name in world.things},
         [joint.name for joint in world.robot.articulation.active_joints],
     )

@@ -21,7 +21,7 @@ pytest.importorskip("mcp")
 from mcp import Client, StdioServerParameters, stdio_client
 from mcp.client.streamable_http import streamable_http_client
 
-from mpvi_bt.mcp_server.run_processes import Runs
+from mpvi_bt.mcp_server.run_processes import RunProcesses
 from mpvi_bt.mcp_server.tool_server import make_server
 from mpvi_bt.mcp_server.tools import Tools
 from tests.test_watch import MPVI, serving
@@ -33,7 +33,7 @@ FOREVER = "tree: forever\nroot:\n  repeat: 1000000\n  child: {wait: 0.1}\n"
 
 def asked(folder: Path, ask: Callable[[Client], Awaitable[None]], allow_motion: bool = False) -> None:
     """Ask a server in this process."""
-    runs = Runs(folder)
+    runs = RunProcesses(folder)
 
     async def session() -> None:
         async with Client(make_server(Tools(runs, allow_motion))) as client:

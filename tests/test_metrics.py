@@ -174,10 +174,10 @@ def test_where_pictures_go_is_no_part_of_the_config() -> None:
 
 def test_a_robot_that_stood_still_has_no_ratio() -> None:
     """Infinity is no JSON: null."""
-    from mpvi_bt.goals.evaluate import Condition, GoalReport
+    from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 
     zero: dict[Side, float] = {"left": 0.0, "right": 0.0}
-    goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=(Condition("done", False),))
+    goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=(GoalCondition("done", False),))
     result = make_result(CONFIG, TASK, goal, Measurement(0, 0.0, zero, zero), ended="failure")
     assert result.time.normalized_time is None
     assert result.normalized_agent_distance.model_dump() == {"base": None, "left": None, "right": None}

@@ -13,7 +13,7 @@ from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.mistaken import MistakenTruth
-from mpvi_bt.sim.noise import NONE, REALISTIC, Errors, NoisyRobot, Standing
+from mpvi_bt.sim.noise import NONE, REALISTIC, Errors, NoisyRobot, StandingError
 from mpvi_bt.testing import KinematicRobot
 from tests.small_house import placed, run, small_world
 
@@ -150,7 +150,7 @@ def test_an_error_of_position_lasts_as_long_as_the_base_stands() -> None:
     moving = np.array([0.4, 0.0, 0.0])
     drawn = []
     for seed in range(500):
-        standing = Standing(0.02, np.random.default_rng(seed))
+        standing = StandingError(0.02, np.random.default_rng(seed))
         first = standing.offset(felt)
         there = replace(felt, base_pose=np.array([1.0, 0, 0]))
         np.testing.assert_array_equal(standing.offset(replace(there, base_velocity=moving)), first)

@@ -15,7 +15,7 @@ import pytest
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
+from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.remote.openpi import OpenpiPolicy, url_of
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
@@ -121,7 +121,7 @@ def test_our_own_client_and_server_agree() -> None:
 
     alone = Looker()
     with serving(lambda _: Looker()) as server:
-        remote = OpenpiPolicy(f"{HOST}:{server.port}", Settings().model_copy(update=QUICK))
+        remote = OpenpiPolicy(f"{HOST}:{server.port}", DialectSettings().model_copy(update=QUICK))
         for _ in range(2):
             alone.reset()
             remote.reset()
@@ -138,7 +138,7 @@ def test_our_own_client_and_server_agree() -> None:
 def test_our_own_server_gets_the_whole_observation() -> None:
     """Without a layout everything goes, pictures with depth and labels, and whether to begin anew."""
     with PolicyServer(lambda message: {"actions": CHUNK}) as server:
-        policy = OpenpiPolicy(server.address, Settings().model_copy(update=QUICK))
+        policy = OpenpiPolicy(server.address, DialectSettings().model_copy(update=QUICK))
         policy.reset()
         seen = observation()
         policy.infer(seen)

@@ -18,7 +18,7 @@ from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.dialect_settings import Settings
+from mpvi_bt.remote.dialect_settings import DialectSettings
 from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
@@ -68,7 +68,7 @@ FAILURES: dict[str, tuple[str, Callable[[ServerConnection], object]]] = {
 def episode(server: PolicyServer | str, trace: Path, max_time_s: float = 20.0) -> tuple[Outcome, KinematicWorld]:
     """An episode whose policy is behind an address; by then it is over."""
     address = server if isinstance(server, str) else server.address
-    settings = Settings(connect_s=2.0, answer_s=1.0, tries=2, max_mb=1)
+    settings = DialectSettings(connect_s=2.0, answer_s=1.0, tries=2, max_mb=1)
     world = KinematicWorld()
     context = scripted_context(world, SKILLS, PLACES, {})
     context = dataclasses.replace(context, policy=OpenpiPolicy(address, settings))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.policies import Ground, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, make_policy
 from mpvi_bt.errors import PolicyError
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.protocols import Policy
@@ -250,7 +250,7 @@ def picked() -> tuple[Recorder, Vocabulary]:
 
 def reactive(vocabulary: Vocabulary) -> Policy:
     """As `mpvi serve reactive` makes it."""
-    return make_policy("reactive", Ground(load_skills(), vocabulary))
+    return make_policy("reactive", PolicyInputs(load_skills(), vocabulary))
 
 
 @pytest.mark.rare

@@ -10,7 +10,7 @@ import pytest
 
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
-from mpvi_bt.choices.policies import Ground, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, make_policy
 from mpvi_bt.cli.group import run
 from mpvi_bt.episode.prepare import check_backends
 from mpvi_bt.errors import UserError
@@ -67,7 +67,7 @@ def _module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_parts_of_the_current_folder_are_made() -> None:
     """They are given what they ask for by name, of what is on offer."""
     check_backends(replace(CONFIG, policy="my_parts:Still", detector="my_parts:Blind"))
-    policy = make_policy("my_parts:Still", Ground({}, seed=7))
+    policy = make_policy("my_parts:Still", PolicyInputs({}, seed=7))
     assert (policy.name, policy.seed) == ("still", 7)  # type: ignore[attr-defined]
     assert make_detector("my_parts:Blind", {}).name == "blind"
 
@@ -75,7 +75,7 @@ def test_parts_of_the_current_folder_are_made() -> None:
 def test_entry_points_are_names(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Of installed packages; they are listed, and suggested."""
     monkeypatch.syspath_prepend(Path.cwd())
-    assert make_policy("still", Ground({})).name == "still"
+    assert make_policy("still", PolicyInputs({})).name == "still"
     assert run(["list", "backends"]) == 0
     assert "--policy still" in capsys.readouterr().out
     with pytest.raises(UserError, match="Did you mean 'still'"):
@@ -111,4 +111,4 @@ def test_what_is_no_part_is_refused_before_a_simulator_loads(given: str, said: s
 def test_what_cannot_be_made_is_told(given: str, said: str) -> None:
     """With the place in its own file, or with what it lacks."""
     with pytest.raises(UserError, match=said):
-        make_policy(given, Ground({}))
+        make_policy(given, PolicyInputs({}))

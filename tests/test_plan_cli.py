@@ -21,9 +21,9 @@ from mpvi_bt.errors import ModelError
 from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.answer_form import answer_schema, answer_text
-from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.finetuning import chats
 from mpvi_bt.plan.language_planner import checked, read_answer
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.planners import Planned, RecordedPlanner
 from mpvi_bt.plan.prompt import system_text, user_text
 from mpvi_bt.plan.schema import Plan, load_plan

@@ -17,8 +17,8 @@ from mpvi_bt.goals.problem import AGENT, Fact, Problem, load_problem
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.human import human_stats
 from mpvi_bt.perception.phrases import Vocabulary, normalize
-from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.clauses import clauses, match
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan, load_plan
 from mpvi_bt.plan.skills import SkillCall, load_skills
 from mpvi_bt.things.catalogue import load_catalogue

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.result import Result
-from mpvi_bt.suite.progress import Progress
+from mpvi_bt.suite.progress import SuiteProgress
 from mpvi_bt.suite.schedule import SCRIPTED, SEEING, Pace, in_rounds
 from mpvi_bt.suite.store import Fault
 from tests.fake_episodes import fake_result
@@ -33,7 +33,7 @@ class Terminal(io.StringIO):
 
 def tell(stream: io.StringIO) -> str:
     """What is written of a run that finds one result and one broken file, makes two, and breaks once."""
-    progress = Progress(stream, Pace(BUDGET_S))
+    progress = SuiteProgress(stream, Pace(BUDGET_S))
     progress.begin({EPISODES[0]: RESULTS[EPISODES[0]]}, EPISODES[1:], 2)
     progress.corrupt(EPISODES[1], Path("out/quarantine/a.json"))
     for config in EPISODES[1:3]:
@@ -81,7 +81,7 @@ def test_progress_redraws_a_line_for_each_worker_on_a_terminal() -> None:
 def test_methods_are_named() -> None:
     """Episodes of two methods are not the same."""
     stream = io.StringIO()
-    progress = Progress(stream, Pace(BUDGET_S))
+    progress = SuiteProgress(stream, Pace(BUDGET_S))
     progress.broke(EpisodeConfig("picking_up_trash", method="e2e"), FAULT, again=True)
     assert stream.getvalue().startswith("e2e picking_up_trash_0_0  machine fault: ")
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
 from mpvi_bt.remote import dialect_settings as settings_module
-from mpvi_bt.remote.dialect_settings import CAMERAS, Action, Observation, Settings, load_settings
+from mpvi_bt.remote.dialect_settings import CAMERAS, Action, DialectSettings, Observation, load_settings
 from mpvi_bt.remote.wire_mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing.doubles import KinematicRobot
@@ -296,7 +296,7 @@ def test_the_settings_of_the_page_are_valid(tmp_path: Path) -> None:
     (text,) = re.findall(r"^```yaml\n(.*?)^```$", PAGE, flags=re.MULTILINE | re.DOTALL)
     assert problems(text, tmp_path) == []
     documented = set(re.findall(r"^\| `([\w.]+)` \|", PAGE, re.MULTILINE))
-    assert set(Settings.model_fields) - {"about"} <= documented
+    assert set(DialectSettings.model_fields) - {"about"} <= documented
     assert {f"observation.{key}" for key in Observation.model_fields} <= documented
 
 

@@ -18,11 +18,11 @@ from mpvi_bt.executive.debugger import Debugger
 from mpvi_bt.executive.dry import EmptyWorld, dry_context
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.executive.replanning import Replanning
+from mpvi_bt.executive.replanning import Replanner
 from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.plan.history import History, Thing
+from mpvi_bt.plan.history import History, SeenThing
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
@@ -103,7 +103,7 @@ def episode(
     watchers: Iterable[Subscriber] = (),
     stop: Callable[[Tree], bool] = lambda tree: False,
     saved: SavedRun | None = None,
-    seen: Iterable[Thing] = (),
+    seen: Iterable[SeenThing] = (),
     max_time_s: float = 60.0,
 ) -> Run:
     """Run the old plan; nodes that `failing` fit fail after a second."""
@@ -111,7 +111,7 @@ def episode(
     world = EmptyWorld()
     context = dry_context(world, tree, SKILLS)
     if planner is not None:
-        context.replanning = Replanning(planner, tree, context, seen=lambda: seen)
+        context.replanning = Replanner(planner, tree, context, seen=lambda: seen)
     if saved is not None:
         restore_world(saved, world, context)
     kept: list[SavedRun] = []
@@ -164,7 +164,7 @@ def test_the_new_plan_takes_the_place_of_the_rest() -> None:
 def test_the_planner_is_told_what_is_done_what_failed_and_what_was_seen() -> None:
     """Also of what was given up before; and what would have come next."""
     planner = Says([plan("go to the sink", "pick up the fork"), NEW])
-    cup = Thing("cup", "kitchen", held=True)
+    cup = SeenThing("cup", "kitchen", held=True)
     episode(planner, "*/2 */check_complete", "*/4 */check_complete", seen=[cup])
     first, second = planner.told
     assert first == (

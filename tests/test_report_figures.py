@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import Failure, GoalCondition, Result, Score
+from mpvi_bt.episode.result import ConditionRecord, FailureRecord, Result, Score
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.report.compare import compare
 from mpvi_bt.report.failures import count_failures, predicates, reason
@@ -108,8 +108,8 @@ def test_predicates_are_told_from_conditions(condition: str, names: set[str]) ->
 def test_failures_are_counted_by_reason_end_and_predicate() -> None:
     """An episode that fails twice of one reason counts twice among failures, once among episodes."""
     base = Result.model_validate(fake_result(EpisodeConfig("t", 1)))
-    failures = [Failure(node="t/1", reason=reason) for reason in ("no_path", "no_path", "")]
-    goal = [GoalCondition(condition="inside(a.n.01_1, b.n.01_1)", satisfied=ok) for ok in (True, False, False)]
+    failures = [FailureRecord(node="t/1", reason=reason) for reason in ("no_path", "no_path", "")]
+    goal = [ConditionRecord(condition="inside(a.n.01_1, b.n.01_1)", satisfied=ok) for ok in (True, False, False)]
     counted = count_failures([base, base.model_copy(update={"failures": failures, "goal": goal})])
     assert counted.reasons == {"no_path": 2, "no reason given": 1, "timeout": 1}
     assert counted.failed_with == {"no_path": 1, "no reason given": 1, "timeout": 1}
@@ -135,7 +135,7 @@ def test_failures_are_counted_by_reason_end_and_predicate() -> None:
 )
 def test_a_timeout_is_counted_with_what_the_policy_gave_up_of(code: str, said: str, told: str) -> None:
     """Timeouts alone would tell nobody what to mend."""
-    assert reason(Failure(node="a/b", reason=code, feedback=said, time_s=1.0)) == told
+    assert reason(FailureRecord(node="a/b", reason=code, feedback=said, time_s=1.0)) == told
 
 
 def test_every_measure_is_a_mean_over_instances_and_then_tasks() -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import Failure, GoalCondition, Result
+from mpvi_bt.episode.result import ConditionRecord, FailureRecord, Result
 from mpvi_bt.episode.way import Way
 from mpvi_bt.report.data import report_data
 from mpvi_bt.report.figures import figures
@@ -80,8 +80,8 @@ def hostile(folder: Path | None = None) -> list[Runs]:
         result = Result.model_validate(fake_result(configs[0])).model_copy(
             update={
                 "task": EVIL, "ended": EVIL, "privileged": [EVIL], "config": {EVIL: EVIL, "assisted": True},
-                "goal": [GoalCondition(condition=EVIL, satisfied=ok) for ok in (True, False)],
-                "failures": [Failure(node=f"a/{EVIL}", reason=EVIL, feedback=EVIL)],
+                "goal": [ConditionRecord(condition=EVIL, satisfied=ok) for ok in (True, False)],
+                "failures": [FailureRecord(node=f"a/{EVIL}", reason=EVIL, feedback=EVIL)],
                 "way": Way(base=[[0, 0], [1, 2]], things={EVIL: [[0, 0], [3, 3]]}),
             }
         )  # fmt: skip
@@ -234,8 +234,10 @@ def test_three_hundred_episodes_fit_in_five_megabytes(tmp_path: Path) -> None:
     """Thirty tasks, ten instances, each with a long way, fifty leaves that ran, and failures with long words."""
     tasks = list(paper_scores()["mpvi"])[:30]
     runs = synthetic_runs("mpvi", 0.3, tasks, 10, folder=tmp_path)
-    long = [Failure(node=f"t/{i}", reason="timeout", feedback="word " * 200) for i in range(30)]
-    goal = [GoalCondition(condition=f"inside(thing.n.01_{i}, other_thing.n.01_1)", satisfied=False) for i in range(60)]
+    long = [FailureRecord(node=f"t/{i}", reason="timeout", feedback="word " * 200) for i in range(30)]
+    goal = [
+        ConditionRecord(condition=f"inside(thing.n.01_{i}, other_thing.n.01_1)", satisfied=False) for i in range(60)
+    ]
     way = Way(base=[[i % 7 / 3, i % 5 / 2] for i in range(300)])
     change = {"failures": long, "goal": goal, "way": way}
     results = {c: r.model_copy(update=change) for c, r in runs.results.items()}

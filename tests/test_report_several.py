@@ -18,21 +18,21 @@ from mpvi_bt.cli.group import run
 from mpvi_bt.errors import UserError
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.latex import plain, report_latex
-from mpvi_bt.report.several import Part, notes, together
+from mpvi_bt.report.several import SuiteFolder, notes, together
 from mpvi_bt.report.tables import method_note
 from mpvi_bt.suite.manifest import make_manifest
 from mpvi_bt.suite.store import Store
 from tests.synthetic_suites import synthetic_result, synthetic_runs
 
 
-def folder(out: Path, share: float, count: int = 4, suite: str = "trash10", **settings: object) -> Part:
+def folder(out: Path, share: float, count: int = 4, suite: str = "trash10", **settings: object) -> SuiteFolder:
     """A suite's results in a folder."""
     store = Store(out)
     episodes = [EpisodeConfig("picking_up_trash", i, **settings) for i in range(count)]  # type: ignore[arg-type]
     for config in episodes[:3]:
         store.write(config, synthetic_result(config, share).model_copy(update={"config": config.record()}))
     make_manifest(suite, episodes).claim(out)
-    return Part.read(suite, store, episodes)
+    return SuiteFolder.read(suite, store, episodes)
 
 
 @pytest.fixture
@@ -75,7 +75,9 @@ def test_csv_has_a_row_for_every_episode(folders: Path) -> None:
     rows = list(csv.DictReader(Path("all.csv").read_text().splitlines()))
     assert [row["method"] for row in rows] == ["expert"] * 4 + ["reactive"] * 4
     assert [row["instance"] for row in rows] == ["0", "1", "2", "3"] * 2
-    result = Part.read("trash10", Store(Path("runs/b")), [EpisodeConfig("picking_up_trash", 1, policy="reactive")])
+    result = SuiteFolder.read(
+        "trash10", Store(Path("runs/b")), [EpisodeConfig("picking_up_trash", 1, policy="reactive")]
+    )
     (expected,) = result.results.values()
     assert float(rows[5]["q_score"]) == pytest.approx(expected.q)
     assert float(rows[5]["simulator_time"]) == pytest.approx(expected.time.simulator_time)

@@ -16,8 +16,8 @@ from hypothesis import given
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.cli.listing import list_
 from mpvi_bt.cli.editor_schema import schema
+from mpvi_bt.cli.listing import list_
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.marked_yaml import load_marked, parse_marked
 from mpvi_bt.tree.json_schema import schema_text, tree_schema

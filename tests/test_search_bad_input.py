@@ -17,7 +17,7 @@ from mpvi_bt.behaviors.parameters import NavigateTo
 from mpvi_bt.errors import DetectorError
 from mpvi_bt.executive.loop import run_episode
 from mpvi_bt.navigation.exploring import ExploringNavigator
-from mpvi_bt.perception.detector import Detection, Guarded
+from mpvi_bt.perception.detector import Detection, GuardedDetector
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
@@ -97,7 +97,7 @@ def test_a_detector_that_answers_nonsense_finds_nothing_and_stops_nothing(
     """The whole house is looked at all the same, and the evidence names the detector's last failure."""
     grid_map, boxes = house(CUP)
     robot = Seeing(1.0, 2.0, 3.0, boxes)
-    navigator = exploring(robot, Guarded(Answering(answer)), grid_map)
+    navigator = exploring(robot, GuardedDetector(Answering(answer)), grid_map)
     failure = failure_of(navigator, robot)
     assert failure.reason == "not_found"
     assert f"the detector failed on {navigator.lookout.pictures}" in failure.evidence
@@ -112,7 +112,7 @@ def test_a_detector_that_hangs_costs_a_bounded_time() -> None:
     detector = Answering(lambda: free.wait(60) or [])
     grid_map, boxes = house(CUP)
     robot = Seeing(1.0, 2.0, 3.0, boxes)
-    guarded = Guarded(detector, limit_s=0.3)
+    guarded = GuardedDetector(detector, limit_s=0.3)
     waited = 0.0
     ask = guarded.detect
 
@@ -143,7 +143,7 @@ def test_a_detector_that_is_always_late_is_asked_no_more() -> None:
         return []
 
     detector = Answering(late)
-    guarded = Guarded(detector, limit_s=0.02)
+    guarded = GuardedDetector(detector, limit_s=0.02)
     image = Seeing(1.0, 2.0, 0.0, []).look("head")
     more, deadline = 50, time.monotonic() + 60
     while more and time.monotonic() < deadline:
@@ -162,7 +162,7 @@ def test_what_does_not_exist_fails_by_evidence(prior: bool) -> None:
     grid_map, boxes = house()
     robot = Seeing(1.0, 2.0, 3.0, boxes)
     robot.walls = grid_map
-    navigator = exploring(robot, Guarded(BoxDetector()), grid_map if prior else None)
+    navigator = exploring(robot, GuardedDetector(BoxDetector()), grid_map if prior else None)
     failure = failure_of(navigator, robot, "unicorn")
     assert failure.reason == "not_found"
     assert failure.time_s < LIMIT_S / 2
@@ -175,7 +175,7 @@ def test_an_absurd_target_is_one_that_does_not_exist(target: str) -> None:
     """It says nothing, or nothing is called so."""
     grid_map = two_rooms(door_m=0.0)  # the smaller the space, the sooner all of it was seen
     robot = Seeing(1.0, 2.0, 0.0, [*walls(grid_map), box_of(CUP)])
-    failure = failure_of(exploring(robot, Guarded(BoxDetector(CUP)), grid_map), robot, target)
+    failure = failure_of(exploring(robot, GuardedDetector(BoxDetector(CUP)), grid_map), robot, target)
     assert failure.reason in ("bad_target", "not_found")
     assert len(failure.evidence) < 1000
 
@@ -193,7 +193,7 @@ def test_pictures_without_depth_end_a_search(depth: float, prior: bool) -> None:
 
     grid_map, boxes = house(CUP)
     robot = Blind(1.0, 2.0, 3.0, boxes)
-    failure = failure_of(exploring(robot, Guarded(BoxDetector(CUP)), grid_map if prior else None), robot)
+    failure = failure_of(exploring(robot, GuardedDetector(BoxDetector(CUP)), grid_map if prior else None), robot)
     assert failure.reason == "not_found"
 
 
@@ -203,7 +203,7 @@ def test_a_target_inside_an_obstacle_has_no_place_to_stand() -> None:
     put_box(grid_map, (5.0, 0.0), (8.0, 4.0))  # a platform that fills the living room but for its doorway
     urn = thing("cup", (6.8, 2.0, 0.5), (0.3, 0.3, 0.3))
     robot = Seeing(2.0, 2.0, 0.0, [*walls(two_rooms()), ((5.0, 0.0, 0.0), (8.0, 4.0, 0.35)), box_of(urn)])
-    failure = failure_of(exploring(robot, Guarded(BoxDetector(urn)), grid_map), robot)
+    failure = failure_of(exploring(robot, GuardedDetector(BoxDetector(urn)), grid_map), robot)
     assert failure.reason == "goal_in_obstacle"
 
 
@@ -212,6 +212,6 @@ def test_a_start_in_collision_has_a_reason() -> None:
     grid_map, boxes = house(CUP)
     put_box(grid_map, (0.2, 0.2), (2.6, 3.8))
     robot = Seeing(1.4, 2.0, 0.0, boxes)
-    failure = failure_of(exploring(robot, Guarded(BoxDetector(CUP)), grid_map), robot)
+    failure = failure_of(exploring(robot, GuardedDetector(BoxDetector(CUP)), grid_map), robot)
     assert failure.reason == "start_in_collision"
     assert float(np.linalg.norm(robot.pose[:2] - [1.4, 2.0])) < 0.1

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.perception.detector import ROBOT, Guarded
+from mpvi_bt.perception.detector import ROBOT, GuardedDetector
 from mpvi_bt.perception.segmentation import LOWEST_SCORE, NO_ERRORS, DetectionErrors, SegmentationDetector
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing import check_detector
@@ -123,7 +123,7 @@ def test_errors_are_told_in_one_line() -> None:
         "detector segmentation errs on purpose: misses 10.0%, confuses 5.0%, edges off by 2 px, seed 7"
     )
     assert detector.name == "segmentation:miss=0.1,confuse=0.05,jitter=2"
-    assert (Guarded(detector).name, Guarded(detector).note) == (detector.name, detector.note)
+    assert (GuardedDetector(detector).name, GuardedDetector(detector).note) == (detector.name, detector.note)
     assert DetectionErrors.read(detector.name.partition(":")[2], "x") == DetectionErrors(0.1, 0.05, 2.0)
 
 
@@ -248,7 +248,7 @@ def test_an_address_that_makes_no_sense_is_refused(address: str, says: str) -> N
 def test_a_run_that_goes_on_has_the_mistakes_that_it_would_have_had() -> None:
     """What was saved after some pictures, through the guard, says which mistakes come next."""
     errors = DetectionErrors(0.3, 0.3, 2.0)
-    whole, stopped, later = (Guarded(SegmentationDetector(MANY, errors=errors, seed=5)) for _ in range(3))
+    whole, stopped, later = (GuardedDetector(SegmentationDetector(MANY, errors=errors, seed=5)) for _ in range(3))
     for _ in range(7):
         whole.detect(many(), ASKED)
         stopped.detect(many(), ASKED)

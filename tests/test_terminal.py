@@ -18,7 +18,7 @@ from mpvi_bt.cli.group import run
 from mpvi_bt.drawing.cells import harmless
 from mpvi_bt.drawing.terminal import guarded
 from mpvi_bt.errors import Problem, UserError, bounded
-from mpvi_bt.suite.progress import Progress
+from mpvi_bt.suite.progress import SuiteProgress
 from mpvi_bt.suite.schedule import Pace
 from mpvi_bt.suite.store import Fault
 
@@ -130,7 +130,7 @@ def test_an_encoding_that_lacks_a_sign_gets_its_escape(monkeypatch: pytest.Monke
 def test_what_broke_a_worker_is_one_short_line() -> None:
     """An exception's message may be anything."""
     stream = Terminal()
-    progress = Progress(stream, Pace({}))
+    progress = SuiteProgress(stream, Pace({}))
     progress.broke(EpisodeConfig("hello"), Fault(f"OSError: {EVIL}\n" + "x" * 300_000), again=False)
     assert not OBEYED.search(stream.getvalue())
     assert len(stream.getvalue().splitlines()) == 1

@@ -29,7 +29,7 @@ from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.lines import Answer, End, Header, Replanned, Tick
+from mpvi_bt.trace.lines import CheckerAnswer, End, Header, Replanned, Tick
 from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.reader import MAX_DEPTH
@@ -657,7 +657,7 @@ DOCUMENT = (Path(__file__).parent.parent / "docs" / "trace.md").read_text(encodi
         ("The first line", Header),
         ("A tick", Tick),
         ("A node's state", NodeState),
-        ("A query", Answer),
+        ("A query", CheckerAnswer),
         ("A new plan", Replanned),
         ("The last line", End),
     ],

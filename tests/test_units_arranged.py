@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.behaviors.context import Handoff
+from mpvi_bt.behaviors.context import WatchedHandoff
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.episode.handoffs import read_handoffs
@@ -96,7 +96,7 @@ def test_handoffs_are_read_back_from_results_and_only_of_one_policy(tmp_path: Pa
     """As they were watched; a folder with two policies or none is refused."""
     with pytest.raises(UserError, match="none of 0 results has handoffs"):
         read_handoffs(tmp_path)
-    handoff = asdict(Handoff("pick", "t/monitor", 1.0, 3.0, "success", samples=[[0.0, 0.0, 1.5, 0.0]] * 4))
+    handoff = asdict(WatchedHandoff("pick", "t/monitor", 1.0, 3.0, "success", samples=[[0.0, 0.0, 1.5, 0.0]] * 4))
     result = {**RESULT, "handoffs": [handoff, {**handoff, "ended": "interrupted"}]}
     write_result(tmp_path / "a.json", result)
     found = read_handoffs(tmp_path)

@@ -32,7 +32,7 @@ from vla_eval.model_servers.behavior1k_baseline import Behavior1KBaselineModelSe
 from vla_eval.specs import check_specs
 
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import Ground, demonstrations, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, demonstrations, make_policy
 from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
 from mpvi_bt.executive.loop import Last, run_episode
 from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
@@ -166,13 +166,13 @@ class Played:
         self.cameras: list[tuple[str, ...]] = []
         self.commands: list[Array] = []
 
-    def __call__(self, config: EpisodeConfig, make: Callable[[Ground], Any]) -> dict[str, Any]:
+    def __call__(self, config: EpisodeConfig, make: Callable[[PolicyInputs], Any]) -> dict[str, Any]:
         self.configs.append(config)
         if self.breaks(config):
             raise BackendError("the machine broke")
         skills, world, last = load_skills(), KinematicWorld(), Last()
         context = scripted_context(world, skills, {}, {})
-        context.policy = make(Ground(skills, {"cup_1": ("cup",)}))
+        context.policy = make(PolicyInputs(skills, {"cup_1": ("cup",)}))
         self.cameras.append(context.policy.cameras)
         spec = compile_instruction(config.task_name, "Tidy up.")
         with contextlib.suppress(KeyboardInterrupt):
@@ -381,7 +381,7 @@ def test_the_page_tells_every_parameter() -> None:
 def test_our_server_answers_as_the_policy_does() -> None:
     """Over the package's connection every action is what it is in process, bit by bit, for several clients at once."""
     instruction = next(iter(demonstrations()))
-    ground = Ground(load_skills(), {"cup.n.01_1": ["cup"]}, seed=3, demonstrations=demonstrations())
+    ground = PolicyInputs(load_skills(), {"cup.n.01_1": ["cup"]}, seed=3, demonstrations=demonstrations())
     here = make_policy("reactive", ground)
     assert isinstance(here, DemonstratedPolicy)
     with model_server(MpviModelServer("reactive", seed=3)) as address:

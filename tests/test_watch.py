@@ -27,7 +27,7 @@ from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.yaml_io import expanded
 from mpvi_bt.watch.address import Address
 from mpvi_bt.watch.channel import DEBUGGING
-from mpvi_bt.watch.guard import Guard
+from mpvi_bt.watch.guard import PageGuard
 from mpvi_bt.watch.watched_run import WatchedRun
 from tests.browser import BROWSER, Browser, browser
 from tests.test_html import Tags, hostile_lines, traces
@@ -78,7 +78,7 @@ def test_other_machines_need_the_token() -> None:
     bound.listener.close()
     assert bound.token
     client = TestClient(
-        Guard(WatchedRun(Path("none")).app, bound.port, bound.token), base_url=f"http://robot:{bound.port}"
+        PageGuard(WatchedRun(Path("none")).app, bound.port, bound.token), base_url=f"http://robot:{bound.port}"
     )
     assert client.get("/").status_code == 403
     assert client.get("/?token=wrong").status_code == 403
@@ -92,7 +92,7 @@ def test_other_machines_need_the_token() -> None:
 )
 def test_other_sites_are_refused(headers: dict[str, str]) -> None:
     """A page of another site cannot have its visitor's browser ask here, by whatever name."""
-    client = TestClient(Guard(WatchedRun(Path("none")).app, 80), base_url="http://127.0.0.1:80")
+    client = TestClient(PageGuard(WatchedRun(Path("none")).app, 80), base_url="http://127.0.0.1:80")
     assert client.get("/", headers={"host": "127.0.0.1:80", **headers}).status_code == 403
     ours = {"host": "127.0.0.1:80", "origin": "http://127.0.0.1:80"}
     assert client.get("/", headers=ours).status_code == 200

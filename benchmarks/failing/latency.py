@@ -22,7 +22,7 @@ from benchmarks.rows import append, lines_of
 from benchmarks.tables import Cell, Column
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.methods import load_method
-from mpvi_bt.choices.policies import Ground, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, make_policy
 from mpvi_bt.episode.episode import run
 from mpvi_bt.manipulation.policies.chunks import WrappedPolicy
 from mpvi_bt.protocols import Policy
@@ -53,7 +53,7 @@ class InChunks(WrappedPolicy):
         return np.concatenate([self._policy.infer(observation) for _ in range(CHUNK)])
 
 
-def chunked(ground: Ground) -> Policy:
+def chunked(ground: PolicyInputs) -> Policy:
     """The expert, in chunks."""
     return InChunks(make_policy("expert", ground))
 

@@ -16,7 +16,7 @@ from mpvi_bt.file_kinds import kind_of, taken_by
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked, read_text
 
 if TYPE_CHECKING:  # what it loads is needed only beside a task
-    from mpvi_bt.plan.planning_context import Grounding
+    from mpvi_bt.plan.planning_context import PlanningContext
 
 STDIN = "<stdin>"
 
@@ -97,7 +97,7 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def problems_in(
-    file: str, site: Grounding | None = None, text: str | None = None, named: bool = True, lint: bool = True
+    file: str, site: PlanningContext | None = None, text: str | None = None, named: bool = True, lint: bool = True
 ) -> list[Problem]:
     """Everything that is wrong with one file.
 
@@ -151,7 +151,7 @@ def _bddl_problems(file: str) -> list[Problem]:
     return sorted(findings.problems, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
 
 
-def _tree_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Problem]:
+def _tree_problems(data: Any, marks: Marks, site: PlanningContext | None) -> list[Problem]:
     from mpvi_bt.plan.skills import load_skills
     from mpvi_bt.tree.lint import check_rooms, check_targets, lint
     from mpvi_bt.tree.yaml_io import check_tree
@@ -164,7 +164,7 @@ def _tree_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Prob
     return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))[:MAX_PROBLEMS]
 
 
-def _plan_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Problem]:
+def _plan_problems(data: Any, marks: Marks, site: PlanningContext | None) -> list[Problem]:
     from mpvi_bt.plan.plan_check import plan_problems
     from mpvi_bt.plan.schema import check_plan
     from mpvi_bt.plan.skills import load_skills
@@ -172,7 +172,7 @@ def _plan_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Prob
     return plan_problems(check_plan(data, marks), load_skills(), site, marks)
 
 
-def _site(name: str) -> Grounding:
+def _site(name: str) -> PlanningContext:
     """What trees and plans can name where a task is. Raises as `load_task` and `load_house` do."""
     from mpvi_bt.choices.planning import ground
     from mpvi_bt.instances.tasks import load_task

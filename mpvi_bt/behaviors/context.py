@@ -121,7 +121,7 @@ class Replan:
 
 
 @dataclass
-class Handoff:
+class WatchedHandoff:
     """One stretch of the policy's work that a `monitor` watched.
 
     Attributes:
@@ -185,7 +185,7 @@ class Log:
     queries: list[Query] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
     replans: list[Replan] = field(default_factory=list)
-    handoffs: list[Handoff] = field(default_factory=list)
+    handoffs: list[WatchedHandoff] = field(default_factory=list)
     clipped: int = 0
 
 

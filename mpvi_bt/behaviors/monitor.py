@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.context import Handoff
+from mpvi_bt.behaviors.context import WatchedHandoff
 from mpvi_bt.behaviors.node import Decorator
 from mpvi_bt.errors import NotInDryRun
 from mpvi_bt.monitors.signals import SAMPLE_STEPS, Signals
@@ -35,7 +35,7 @@ class Monitor(Decorator):
     def __init__(self, name: str, child: Behaviour, skill: str | None = None, agree: int = 2) -> None:
         super().__init__(name, child)
         self.skill, self.agree = skill, agree
-        self._handoff: Handoff | None = None
+        self._handoff: WatchedHandoff | None = None
         self._signals: Signals | None = None
 
     def initialise(self) -> None:
@@ -49,7 +49,7 @@ class Monitor(Decorator):
             self._signals, self.feedback_message = None, "no robot to measure"
             return
         self._steps, self._notices = 0, len(context.log.notices)
-        self._handoff = Handoff(self.skill or "", self.path, context.clock.time_s)
+        self._handoff = WatchedHandoff(self.skill or "", self.path, context.clock.time_s)
         context.log.handoffs.append(self._handoff)
         known = context.calibration.skills.get(self.skill or "") if context.calibration else None
         if known is not None:

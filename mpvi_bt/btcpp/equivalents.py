@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mpvi_bt.btcpp.file import TreeFile, made, tag_of
+from mpvi_bt.btcpp.file import XmlFile, made, tag_of
 from mpvi_bt.btcpp.mapping import KEY, is_pointer
 from mpvi_bt.btcpp.marked_xml import Element
 
@@ -30,7 +30,7 @@ _AFTER = ("_onSuccess", "_onFailure", "_post")
 CONDITIONS = frozenset({*_BEFORE, *_AFTER, "_onHalted"})
 
 
-def rewritten(file: TreeFile, element: Element, above: str = "") -> Element:
+def rewritten(file: XmlFile, element: Element, above: str = "") -> Element:
     """A node, and those below it, in nodes that are read here; `above`: the tag of the node above it."""
     tag = tag_of(element)
     children = [rewritten(file, child, tag) for child in element.children]
@@ -47,7 +47,7 @@ def rewritten(file: TreeFile, element: Element, above: str = "") -> Element:
     return _conditions(file, element, node, above)
 
 
-def _conditions(file: TreeFile, element: Element, node: Element, above: str) -> Element:
+def _conditions(file: XmlFile, element: Element, node: Element, above: str) -> Element:
     """The node within what its pre- and postconditions say."""
     before = [name for name in _BEFORE if name in element.attributes]
     for name in before[1:]:
@@ -88,7 +88,7 @@ def _after(element: Element, node: Element, name: str) -> Element:
     return node
 
 
-def _switch(file: TreeFile, element: Element, cases: int) -> Element:
+def _switch(file: XmlFile, element: Element, cases: int) -> Element:
     """A fallback of which one child's condition holds, and that of the last where no other does."""
     variable = element.attributes.get("variable", "")
     key = variable.strip("{} ")

@@ -30,7 +30,7 @@ class Needs:
 
 
 @dataclass
-class TreeFile:
+class XmlFile:
     """The <BehaviorTree>s of a file, and what was found on the way.
 
     Attributes:

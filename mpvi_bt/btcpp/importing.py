@@ -14,14 +14,14 @@ from typing import Any
 from mpvi_bt.behaviors.parameters import Comparison, Value
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import equivalents, mapping, nav2
-from mpvi_bt.btcpp.file import EXPLICIT, TreeFile, place_of, tag_of
+from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, place_of, tag_of
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
 from mpvi_bt.errors import FileProblems, Problem, shown
 from mpvi_bt.marked_yaml import Location, Marks, parse_marked
 from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, read
 from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.tree_file import Reading
+from mpvi_bt.tree.tree_file import TreeReading
 
 _STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on
 _COUNTS = ("num_attempts", "num_cycles")
@@ -29,7 +29,7 @@ _NEAREST = {**equivalents.NEAREST, **nav2.NEAREST}
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportedTrees:
     """What came of a file.
 
     Attributes:
@@ -43,14 +43,14 @@ class Imported:
     warnings: tuple[Problem, ...]
 
 
-def from_xml(text: str, name: str = "<xml>") -> Imported:
+def from_xml(text: str, name: str = "<xml>") -> ImportedTrees:
     """The trees of a file's text. `name` stands for it in problems.
 
     Raises:
         FileProblems: Everything in it that has no equal here.
     """
     root = parse_xml(text, name)
-    file = TreeFile(name)
+    file = XmlFile(name)
     main = file.trees_of(root)
     for own in file.trees:
         tree = nav2.rewritten(file, own)
@@ -58,13 +58,13 @@ def from_xml(text: str, name: str = "<xml>") -> Imported:
     specs = {own: spec for own in file.trees if (spec := _Tree(file, own).read(main=own == main)) is not None}
     if main is None or file.problems:
         raise FileProblems(_listed_once(_once(file.problems)))
-    return Imported(specs.pop(main), specs, tuple(_once(file.warnings)))
+    return ImportedTrees(specs.pop(main), specs, tuple(_once(file.warnings)))
 
 
 class _Tree:
     """One <BehaviorTree> on its way to a TreeSpec, those that it calls written out below their calls."""
 
-    def __init__(self, file: TreeFile, name: str) -> None:
+    def __init__(self, file: XmlFile, name: str) -> None:
         self.file, self.name = file, name
         self.marks = Marks(file.name)
         self.calls = [name]
@@ -87,7 +87,7 @@ class _Tree:
         data["root"] = self._node(root, ("root",))
         told_places = {(p.line, p.column) for p in self.file.problems}
         try:
-            return read(data, self.marks, Reading(expanded=True), {})
+            return read(data, self.marks, TreeReading(expanded=True), {})
         except FileProblems as error:
             self.file.problems += [p for p in error.problems if (p.line, p.column) not in told_places]
             return None

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from mpvi_bt.btcpp.equivalents import CONDITIONS
-from mpvi_bt.btcpp.file import Needs, TreeFile, below, made, tag_of
+from mpvi_bt.btcpp.file import Needs, XmlFile, below, made, tag_of
 from mpvi_bt.btcpp.mapping import KEY, is_pointer
 from mpvi_bt.btcpp.marked_xml import Element
 
@@ -53,7 +53,7 @@ NEAREST = {
 }
 
 
-def rewritten(file: TreeFile, name: str) -> Element:
+def rewritten(file: XmlFile, name: str) -> Element:
     """The <BehaviorTree> of a name without Nav2's nodes, as far as they have an equal here."""
     tree = file.trees[name]
     pass_ = _Rewriting(file, tree, file.needs.setdefault(name, Needs()))
@@ -74,7 +74,7 @@ class _Rewriting:
         left_out: Nodes that plan, by their tags, the first of each.
     """
 
-    def __init__(self, file: TreeFile, tree: Element, needs: Needs) -> None:
+    def __init__(self, file: XmlFile, tree: Element, needs: Needs) -> None:
         self.file, self.tree, self.needs = file, tree, needs
         self.left_out: dict[str, Element] = {}
         self.sources = _sources(tree)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mpvi_bt.choices.plugins import OFFERED, Part, asked_for, entry_points, find
+from mpvi_bt.choices.plugins import OFFERED, PluginPart, asked_for, entry_points, find
 from mpvi_bt.errors import UnknownName, UserError
 
 
@@ -166,7 +166,7 @@ class Choice:
     name: str
     address: str
     backend: Backend
-    part: Part | None = None
+    part: PluginPart | None = None
     both: tuple[Choice, Choice] | None = None
 
     def make(self, **offered: Any) -> Any:

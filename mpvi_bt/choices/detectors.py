@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from mpvi_bt.choices.backends import choose
-from mpvi_bt.perception.detector import Detector, Guarded
+from mpvi_bt.perception.detector import Detector, GuardedDetector
 
 Vocabulary = Mapping[str, Iterable[str]]  # label of a picture to what people call it
 
 
-def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> Guarded:
+def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> GuardedDetector:
     """The detector of a name, guarded: what goes wrong in it is a DetectorError.
 
     Args:
@@ -22,7 +22,7 @@ def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> Guarded:
         UnknownName: There is none of that name.
         UserError: Its address is wrong, or what it needs is not installed.
     """
-    return Guarded(choose("detector", given).make(vocabulary=vocabulary, seed=seed))
+    return GuardedDetector(choose("detector", given).make(vocabulary=vocabulary, seed=seed))
 
 
 def segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:

@@ -13,7 +13,7 @@ from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.tasks import Task
 from mpvi_bt.plan.language_planner import LanguagePlanner
 from mpvi_bt.plan.planners import Planner, RecordedPlanner
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.robots import robot_named
@@ -64,7 +64,7 @@ def make_planner(
     )
 
 
-def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> Grounding:
+def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> PlanningContext:
     """What a plan can name in a house, and with the things of a task: what the knowledge base and detectors know.
 
     Args:
@@ -87,7 +87,7 @@ def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES
             if fact.literal.predicate == "covered" and fact.literal.args[0].startswith("floor."):
                 kind = problem.objects[fact.literal.args[1]]
                 names[kind] = (kind.partition(".")[0],)
-    return Grounding(
+    return PlanningContext(
         rooms={room: tuple(f.entry.phrases[0] for f in fixtures if f.room == room) for room in place.rooms},
         names=names,
         things=task is not None,

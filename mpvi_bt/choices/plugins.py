@@ -26,7 +26,7 @@ OFFERED: Mapping[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Part:
+class PluginPart:
     """One that is chosen.
 
     Attributes:
@@ -97,7 +97,7 @@ def asked_for(make: Callable[..., Any]) -> list[inspect.Parameter]:
     return [p for p in wanted if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
 
 
-def find(kind: str, given: str, known: Iterable[str] = ()) -> Part | None:
+def find(kind: str, given: str, known: Iterable[str] = ()) -> PluginPart | None:
     """The part of another package that a choice names, by import path or entry point; None: there is none.
 
     `known` are the backends of that kind, for messages.
@@ -105,9 +105,9 @@ def find(kind: str, given: str, known: Iterable[str] = ()) -> Part | None:
     if kind not in OFFERED:
         return None
     if IMPORT_PATH.fullmatch(given):
-        return Part(kind, given, given, tuple(known))
+        return PluginPart(kind, given, given, tuple(known))
     path = entry_points(kind).get(given)
-    return Part(kind, given, path) if path else None
+    return PluginPart(kind, given, path) if path else None
 
 
 def entry_points(kind: str) -> dict[str, str]:

@@ -19,12 +19,12 @@ from mpvi_bt.protocols import Policy
 if TYPE_CHECKING:
     from mpvi_bt.manipulation.policies.backup import WithBackup
     from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
-    from mpvi_bt.remote.dialect_settings import Settings
+    from mpvi_bt.remote.dialect_settings import DialectSettings
     from mpvi_bt.remote.observation import Vocabulary
 
 
 @dataclass(frozen=True)
-class Ground:
+class PolicyInputs:
     """What policies may be made of.
 
     Attributes:
@@ -57,7 +57,7 @@ def demonstrations() -> dict[str, list[str]]:
     return {plan.instruction: prompts_of(plan) for plan in RecordedPlanner().all()}
 
 
-def make_policy(given: str, ground: Ground, settings: str | None = None) -> Policy:
+def make_policy(given: str, ground: PolicyInputs, settings: str | None = None) -> Policy:
     """The policy of a name, or of a name and an address. A remote one is connected to when it is first used.
 
     Args:
@@ -105,7 +105,7 @@ def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[
     skills, known = load_skills(), demonstrations()
 
     def make(vocabulary: Vocabulary) -> Policy:
-        return make_policy(given, Ground(skills, vocabulary, seed=seed, demonstrations=known), settings)
+        return make_policy(given, PolicyInputs(skills, vocabulary, seed=seed, demonstrations=known), settings)
 
     return make
 
@@ -160,17 +160,17 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     addressed = any(one.backend.address for one in choice.both or [choice])
     if (addressed and not choice.backend.privileged) or config.policy_settings is not None:
         task = load_task(config.task).problem if config.task else None
-        make_policy(config.policy, Ground({}, task=task, robot=config.robot), config.policy_settings)
+        make_policy(config.policy, PolicyInputs({}, task=task, robot=config.robot), config.policy_settings)
 
 
-def expert(ground: Ground) -> Policy:
+def expert(ground: PolicyInputs) -> Policy:
     """Scripted, by true poses."""
     from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 
     return _demonstrated(ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter), ground)
 
 
-def reactive(ground: Ground) -> Policy:
+def reactive(ground: PolicyInputs) -> Policy:
     """Scripted, by what the cameras show."""
     from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 
@@ -178,7 +178,7 @@ def reactive(ground: Ground) -> Policy:
     return _demonstrated(made, ground)
 
 
-def learned(ground: Ground, address: str) -> Policy:
+def learned(ground: PolicyInputs, address: str) -> Policy:
     """By networks; the address is the file of their weights."""
     from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
     from mpvi_bt.perception.segmentation import SegmentationDetector
@@ -187,7 +187,7 @@ def learned(ground: Ground, address: str) -> Policy:
     return LearnedPolicy(ground.skills, detector, ground.seed, Path(address) if address else WEIGHTS)
 
 
-def _with_backup(first: Choice, second: Choice, ground: Ground, settings: str | None) -> Policy:
+def _with_backup(first: Choice, second: Choice, ground: PolicyInputs, settings: str | None) -> Policy:
     """Two policies; the settings are of the second one, which alone may be somewhere else."""
     from mpvi_bt.manipulation.policies.backup import WithBackup
 
@@ -198,28 +198,28 @@ def _with_backup(first: Choice, second: Choice, ground: Ground, settings: str | 
     return _demonstrated(made, ground)
 
 
-def _demonstrated(policy: ScriptedPolicy | WithBackup, ground: Ground) -> Policy:
+def _demonstrated(policy: ScriptedPolicy | WithBackup, ground: PolicyInputs) -> Policy:
     """What scripted policies make of whole instructions, where they are told these."""
     from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
 
     return policy if ground.demonstrations is None else DemonstratedPolicy(policy, ground.demonstrations)
 
 
-def openpi(ground: Ground, address: str, settings: str | None) -> Policy:
+def openpi(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
     """Behind openpi's protocol."""
     from mpvi_bt.remote.openpi import DEFAULT, OpenpiPolicy
 
     return OpenpiPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
 
 
-def vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
+def vla_eval(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
     """Behind a model server of the vla-eval package."""
     from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
 
     return VlaEvalPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
 
 
-def settings_for(given: str, task: str | None, robot: str | None) -> Settings:
+def settings_for(given: str, task: str | None, robot: str | None) -> DialectSettings:
     """The settings of a remote policy, with what they need of a task filled in.
 
     Args:

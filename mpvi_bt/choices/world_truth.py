@@ -31,7 +31,7 @@ _BINARY = {**BINARY, "ontop": resting_on}
 
 
 class TrueState:
-    """What the oracle asks, from the world (implements `completion.oracle.Truth`)."""
+    """What the oracle asks, from the world (implements `completion.oracle.CheckedTruth`)."""
 
     def __init__(self, world: SimulatedWorld) -> None:
         self._world = world

@@ -71,7 +71,7 @@ def dataset(
     `mpvi run --demonstration DIR` records one, `mpvi suite run --demonstrations` one an episode.
     """
     from mpvi_bt.datasets.demonstrations import Demonstrated, find_demonstrations
-    from mpvi_bt.datasets.lerobot import Form, write_dataset
+    from mpvi_bt.datasets.lerobot import DatasetForm, write_dataset
     from mpvi_bt.datasets.parquet import require_pandas
 
     require_pandas()
@@ -82,7 +82,7 @@ def dataset(
     def tell(what: str, number: int, episode: Demonstrated) -> None:
         click.echo(f"{what} {number + 1}/{len(taken)}  {episode.folder.name}  {episode.about.frames} frames", err=True)
 
-    write_dataset(taken, out, Form(**form), tell)
+    write_dataset(taken, out, DatasetForm(**form), tell)
     frames = sum(episode.about.frames for episode in taken)
     if as_json:
         left = [str(episode.folder) for episode in found if episode not in reached]

@@ -71,14 +71,14 @@ def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_
 
     Exit code 0 where the goal is true at the end of every instance, 1 where it is not, 3 where the server fails.
     """
-    from mpvi_bt.serving.evaluator import Session
+    from mpvi_bt.serving.evaluator import Evaluation
     from mpvi_bt.serving.evaluator import evaluate as evaluate_
 
     check_writable(given["out"])
     if batched is None:
         batched = dialect == "behavior-2026"
-    progress = Progress()
-    session = Session(dialect=dialect, instances=instances or (0,), batched=batched, **given)
+    progress = EvaluationStatus()
+    session = Evaluation(dialect=dialect, instances=instances or (0,), batched=batched, **given)
     try:
         rollouts = evaluate_(session, progress)
     finally:
@@ -93,7 +93,7 @@ def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_
     return 0 if all(rollout.goal.satisfied for rollout in rollouts) else 1
 
 
-class Progress(Status):
+class EvaluationStatus(Status):
     """How an evaluation goes."""
 
     def __init__(self) -> None:

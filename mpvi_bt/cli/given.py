@@ -68,7 +68,7 @@ class Name(File):
         return items if self.file else items[1:]
 
 
-class Choice(click.ParamType[str]):
+class BackendType(click.ParamType[str]):
     """A backend, by name or by name and address.
 
     Args:

@@ -34,11 +34,11 @@ def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
         from mpvi_bt.extras import install
 
         raise UserError(f"the protocol's SDK is not installed: {install('mcp')}") from None
-    from mpvi_bt.mcp_server.run_processes import Runs
+    from mpvi_bt.mcp_server.run_processes import RunProcesses
     from mpvi_bt.mcp_server.tools import Tools
 
     check_writable(out)
-    with contextlib.closing(Runs(out.absolute())) as runs:
+    with contextlib.closing(RunProcesses(out.absolute())) as runs:
         server = make_server(Tools(runs, allow_motion))
         try:
             if serve is None:

@@ -15,7 +15,7 @@ from click.shell_completion import CompletionItem
 
 from mpvi_bt.choices.backends import BACKENDS, choose
 from mpvi_bt.choices.config import ASKING, METHOD, EpisodeConfig
-from mpvi_bt.cli.given import Choice, Name, arguments, check_writable, complete_param, given_here, out_folder
+from mpvi_bt.cli.given import BackendType, Name, arguments, check_writable, complete_param, given_here, out_folder
 from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.cli.status import Status
 from mpvi_bt.errors import PolicyError, UserError
@@ -39,7 +39,7 @@ def _servable() -> list[str]:
     return [f"{n}:" if b.address else n for n, b in BACKENDS["policy"].items() if not b.privileged]
 
 
-class _Served(Choice):
+class _Served(BackendType):
     """A policy, or the executive."""
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
@@ -146,7 +146,7 @@ def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: st
 
 
 def _executive(given: dict[str, Any], seed: int, key: str, status: Status) -> SocketServer:
-    from mpvi_bt.serving.served import Work, executive_server
+    from mpvi_bt.serving.served import ServedWork, executive_server
 
     protocol, instruction, out = given.pop("protocol"), given.pop("instruction"), given.pop("out")
     if protocol is None:
@@ -157,7 +157,7 @@ def _executive(given: dict[str, Any], seed: int, key: str, status: Status) -> So
         given.pop("task") or "", seed=seed, arguments=tuple(arguments(given.pop("params")).items()), **given
     )
     check_writable(out)
-    return executive_server(protocol, Work(config, instruction, out), key, status.say)
+    return executive_server(protocol, ServedWork(config, instruction, out), key, status.say)
 
 
 def _reason(error: OSError) -> str:

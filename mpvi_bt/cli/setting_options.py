@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem
 from mpvi_bt.choices.backends import BACKENDS
 from mpvi_bt.choices.config import SETTINGS, EpisodeConfig
 from mpvi_bt.choices.settings import hints
-from mpvi_bt.cli.given import Choice, File, Finite, Name, Written
+from mpvi_bt.cli.given import BackendType, File, Finite, Name, Written
 from mpvi_bt.errors import UnknownName, UserError, shown
 
 
@@ -47,7 +47,7 @@ def _type(name: str) -> click.ParamType[Any]:
     known = SETTINGS[name]
     kind = next(part for part in (get_args(hints()[name]) or (hints()[name],)) if part is not NoneType)
     if name in BACKENDS:
-        return Choice(name)
+        return BackendType(name)
     if get_origin(hints()[name]) is Literal:
         return click.Choice(get_args(hints()[name]))
     if known.folder is not None:

@@ -133,9 +133,9 @@ def run(
     is tried again by the next run.
     """
     from mpvi_bt.choices.language_models import language_doubts
-    from mpvi_bt.report.several import Part
+    from mpvi_bt.report.several import SuiteFolder
     from mpvi_bt.suite.play import Kept, Where, play
-    from mpvi_bt.suite.progress import Progress
+    from mpvi_bt.suite.progress import SuiteProgress
 
     title, store, episodes = _open(name, out, options)
     for doubt in language_doubts(episodes):
@@ -146,7 +146,7 @@ def run(
             title,
             store,
             episodes,
-            lambda pace: Progress(sys.stderr, pace),
+            lambda pace: SuiteProgress(sys.stderr, pace),
             tasks=tasks,
             instances=instances,
             where=Where(engine, workers, wall_limit, ray_address, episode),
@@ -162,7 +162,7 @@ def run(
     finally:
         if page is not None:
             page.close()
-    part = Part(title, store, outcome.episodes, outcome.results, outcome.faults)
+    part = SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults)
     click.echo(Told.of([part]).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
 
@@ -183,11 +183,11 @@ def _page(serve: Address, folder: Path) -> Page:
 @_shared
 def status(name: str, out: Path | None, as_json: bool) -> None:
     """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
-    from mpvi_bt.report.several import Part
+    from mpvi_bt.report.several import SuiteFolder
     from mpvi_bt.suite.standing import spoken, under_way
 
     title, store, episodes = _open(*_meant(name, out))
-    part = Part.read(title, store, episodes)
+    part = SuiteFolder.read(title, store, episodes)
     results, faults = part.results, part.faults
     methods = list(dict.fromkeys(c.method for c in episodes))
     data = {"suite": title, "folder": str(store.out), "running": store.running(), **_stand(episodes, results, faults)}
@@ -257,12 +257,12 @@ def report(names: tuple[str, ...], out: Path | None, as_json: bool, baseline: st
     One line an episode with its q, time, distances and failures, then their means. Several methods are compared on the
     episodes that both have finished, be they in one folder or in several.
     """
-    from mpvi_bt.report.several import Part
+    from mpvi_bt.report.several import SuiteFolder
 
     if out is not None and len(names) > 1:
         raise click.UsageError("--out is the folder of one SUITE; name several by their folders.")
     meant = [_meant(name, out) for name in names]
-    parts = [Part.read(*_open(name, folder)) for name, folder in meant]
+    parts = [SuiteFolder.read(*_open(name, folder)) for name, folder in meant]
     told = Told.of(parts, [name for name, _ in meant], baseline)
     written = [path for kind, file in files.items() if file for path in getattr(told, f"write_{kind}")(file)]
     click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))

@@ -36,10 +36,10 @@ def learned(
     if out.suffix != ".npz" or not out.parent.is_dir():
         raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
     from mpvi_bt.learned.mirroring import BODY
-    from mpvi_bt.learned.training_set import read_frames
     from mpvi_bt.learned.network import Weights
     from mpvi_bt.learned.training import ACTOR_STEPS, PROPOSER_STEPS, Training
     from mpvi_bt.learned.training import train as train_networks
+    from mpvi_bt.learned.training_set import read_frames
 
     networks, about = {}, {}
     for skill in skills.split(","):

@@ -12,7 +12,7 @@ from mpvi_bt.robot.protocol import CameraImage, Side
 _SET_DOWN = ("inside", "ontop", "nextto", "under")  # relations of what rests: in a hand it is not done yet
 
 
-class Truth(Protocol):
+class CheckedTruth(Protocol):
     """What is so, by names of things."""
 
     def held(self, name: str, side: Side | None) -> bool:
@@ -33,7 +33,7 @@ class Truth(Protocol):
 
 
 class OracleChecker:
-    """Judges a criterion by `Truth` (implements `Checker`).
+    """Judges a criterion by `CheckedTruth` (implements `Checker`).
 
     Attributes:
         name: "oracle".
@@ -43,7 +43,7 @@ class OracleChecker:
     name = "oracle"
     needs_image = False
 
-    def __init__(self, truth: Truth, phrases: Mapping[str, Iterable[str]]) -> None:
+    def __init__(self, truth: CheckedTruth, phrases: Mapping[str, Iterable[str]]) -> None:
         """Take the truth.
 
         Args:

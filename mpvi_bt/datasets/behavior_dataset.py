@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.datasets.columns import Feature, vector
 from mpvi_bt.datasets.demonstrations import Demonstrated
-from mpvi_bt.datasets.layouts import V21, Entry, prompts
+from mpvi_bt.datasets.layouts import V21, DatasetEpisode, prompts
 from mpvi_bt.datasets.parquet import Table, write_json
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.instances.human import human_stats
@@ -130,7 +130,7 @@ class BehaviorV21(V21):
         columns = super().columns(episode, number, begin)
         return columns | {"task_index": columns["episode_index"] // self.info["chunks_size"]}
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: DatasetEpisode) -> None:
         """Write an episode's rows, what was recorded of it, and its subtasks."""
         super().add(entry)
         about, runs = entry.episode.about, list(runs_of(entry.episode))
@@ -147,7 +147,7 @@ class BehaviorV21(V21):
             texts = {"cot_subtask_description": prompt, "skill_description": prompt}
             write_json({**texts, "start_frame": begin, "end_frame": end}, folder / f"subtask_{number}_annotated.json")
 
-    def told(self, entry: Entry) -> dict[str, Any]:
+    def told(self, entry: DatasetEpisode) -> dict[str, Any]:
         """A line of `episodes.jsonl`, with how far base and hands went."""
         return {**super().told(entry), **distances(entry.table)}
 

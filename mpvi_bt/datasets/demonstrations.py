@@ -42,7 +42,7 @@ class Chosen(Record):
     robot: str = "r1"
 
 
-class Description(Record):
+class EpisodeFile(Record):
     """What is read of `episode.json`; it may say more.
 
     Attributes:
@@ -82,7 +82,7 @@ class Demonstrated:
     """
 
     folder: Path
-    about: Description
+    about: EpisodeFile
 
     def told_as_in(self, prompts: Path) -> Demonstrated:
         """The same, with the instruction that a file has for its task.
@@ -156,7 +156,7 @@ def read_demonstration(folder: Path) -> Demonstrated:
     if isinstance(data, dict) and (version := data.get("version", VERSION)) not in READ:
         known = " and ".join(map(str, READ))
         raise UserError(f"{file}: a demonstration of version {shown(version)}; this mpvi_bt reads {known}")
-    return Demonstrated(folder, validate_data(data, marks, Description))
+    return Demonstrated(folder, validate_data(data, marks, EpisodeFile))
 
 
 def find_demonstrations(folders: Iterable[Path]) -> list[Demonstrated]:

@@ -23,7 +23,7 @@ FILES_A_CHUNK = 1000
 
 
 @dataclass(frozen=True)
-class Entry:
+class DatasetEpisode:
     """An episode of a dataset.
 
     Attributes:
@@ -85,7 +85,7 @@ class Layout(ABC):
         }
         return {key: every[key] for key in self.counters}
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: DatasetEpisode) -> None:
         """Write an episode's rows."""
         write_table(entry.table, self.place("data_path", entry.number))
 
@@ -98,7 +98,9 @@ class Layout(ABC):
         """A file of an episode, by the key of its template in `info`."""
 
     @abstractmethod
-    def finish(self, entries: Sequence[Entry], statistics: Mapping[str, Statistics], videos: Sequence[str]) -> None:
+    def finish(
+        self, entries: Sequence[DatasetEpisode], statistics: Mapping[str, Statistics], videos: Sequence[str]
+    ) -> None:
         """Write what is told of all episodes, but for `info.json`.
 
         Args:
@@ -126,7 +128,9 @@ class V30(Layout):
         chunk, file = divmod(number, FILES_A_CHUNK)
         return self.out / self.info[template].format(chunk_index=chunk, file_index=file, **more)
 
-    def finish(self, entries: Sequence[Entry], statistics: Mapping[str, Statistics], videos: Sequence[str]) -> None:
+    def finish(
+        self, entries: Sequence[DatasetEpisode], statistics: Mapping[str, Statistics], videos: Sequence[str]
+    ) -> None:
         """Tables of episodes, tasks and subtasks, and statistics."""
         meta = self.out / "meta"
         write_rows([self._row(entry, videos) for entry in entries], meta / "episodes/chunk-000/file-000.parquet")
@@ -134,7 +138,7 @@ class V30(Layout):
         write_index(self.subtasks, "subtask_index", meta / "subtasks.parquet")
         write_json(written(statistics), meta / "stats.json")
 
-    def _row(self, entry: Entry, videos: Sequence[str]) -> dict[str, Any]:
+    def _row(self, entry: DatasetEpisode, videos: Sequence[str]) -> dict[str, Any]:
         begin, length = int(entry.table["index"][0]), entry.episode.about.frames
         chunk, file = divmod(entry.number, FILES_A_CHUNK)
         row: dict[str, Any] = {
@@ -171,7 +175,9 @@ class V21(Layout):
         chunk = number // self.info["chunks_size"]
         return self.out / self.info[template].format(episode_chunk=chunk, episode_index=number, **more)
 
-    def finish(self, entries: Sequence[Entry], statistics: Mapping[str, Statistics], videos: Sequence[str]) -> None:
+    def finish(
+        self, entries: Sequence[DatasetEpisode], statistics: Mapping[str, Statistics], videos: Sequence[str]
+    ) -> None:
         """A line for each episode, with its own statistics, which loaders put together, and for each task."""
         meta = self.out / "meta"
         write_lines(map(self.told, entries), meta / "episodes.jsonl")
@@ -185,7 +191,7 @@ class V21(Layout):
         more = {"total_videos": len(self.numbers) * len(videos), "total_chunks": len(chunks)}
         return super().totals(videos) | more
 
-    def told(self, entry: Entry) -> dict[str, Any]:
+    def told(self, entry: DatasetEpisode) -> dict[str, Any]:
         """A line of `episodes.jsonl`."""
         return {"episode_index": entry.number, "tasks": list(entry.tasks), "length": entry.episode.about.frames}
 

@@ -20,7 +20,7 @@ from mpvi_bt.datasets.behavior_dataset import BaseVelocity, BehaviorContent, Beh
 from mpvi_bt.datasets.columns import Content, OwnContent, features
 from mpvi_bt.datasets.demonstrations import Demonstrated, check_demonstrations
 from mpvi_bt.datasets.episode_videos import place_video
-from mpvi_bt.datasets.layouts import V21, V30, Entry, Layout
+from mpvi_bt.datasets.layouts import V21, V30, DatasetEpisode, Layout
 from mpvi_bt.datasets.parquet import require_pandas, write_json
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import unwritable
@@ -30,7 +30,7 @@ Tell = Callable[[str, int, Demonstrated], None]
 
 
 @dataclass(frozen=True)
-class Form:
+class DatasetForm:
     """What a dataset is to be.
 
     Attributes:
@@ -49,7 +49,7 @@ class Form:
 
 
 def write_dataset(
-    episodes: Sequence[Demonstrated], out: Path, form: Form = Form(), tell: Tell = lambda *told: None
+    episodes: Sequence[Demonstrated], out: Path, form: DatasetForm = DatasetForm(), tell: Tell = lambda *told: None
 ) -> None:
     """Write a dataset once all its episodes were found whole; a killed run leaves nothing at `out`.
 
@@ -87,7 +87,7 @@ def write_dataset(
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def _check_alike(episodes: Sequence[Demonstrated], form: Form) -> None:
+def _check_alike(episodes: Sequence[Demonstrated], form: DatasetForm) -> None:
     if not episodes:
         raise UserError("no demonstrations to make a dataset of: none reached its goal (--all takes the others, too)")
     first = episodes[0]
@@ -107,10 +107,10 @@ def _check_alike(episodes: Sequence[Demonstrated], form: Form) -> None:
             )
 
 
-def _write(episodes: Sequence[Demonstrated], content: Content, layout: Layout, form: Form, tell: Tell) -> None:
+def _write(episodes: Sequence[Demonstrated], content: Content, layout: Layout, form: DatasetForm, tell: Tell) -> None:
     first = episodes[0].about
     size = None if form.size is None else (form.size, form.size)
-    entries: list[Entry] = []
+    entries: list[DatasetEpisode] = []
     histograms: dict[str, list[Any]] = {content.picture(camera): [] for camera in first.cameras}
     begin = 0
     for n, (number, episode) in enumerate(zip(layout.numbers, episodes, strict=True)):
@@ -125,7 +125,7 @@ def _write(episodes: Sequence[Demonstrated], content: Content, layout: Layout, f
             histograms[key].append(place_video(episode, camera, size, target))
         found = statistics.of_rows([table])
         found |= {key: statistics.of_pictures(each[-1:], length) for key, each in histograms.items()}
-        entry = Entry(episode, number, list(dict.fromkeys(layout.tasks_of(episode))), table, found)
+        entry = DatasetEpisode(episode, number, list(dict.fromkeys(layout.tasks_of(episode))), table, found)
         layout.add(entry)
         entries.append(entry)
         begin += length

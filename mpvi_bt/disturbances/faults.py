@@ -12,7 +12,7 @@ from mpvi_bt.errors import UnknownName, UserError, shown
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """A kind of fault.
 
     Attributes:
@@ -28,12 +28,14 @@ class Kind:
     about: str
 
 
-KINDS: Mapping[str, Kind] = {
-    "freeze": Kind("p", 0.005, 1.0, "at each step with probability p it stops for good, until the next handoff"),
-    "jitter": Kind("", 0.02, math.pi, "each arm joint's target is off by so much [rad, standard deviation]"),
-    "drift": Kind("", 0.02, math.pi, "the arm joints' targets move away by so much a second [rad/s, root mean square]"),
-    "late": Kind("", 0.4, LONGEST_S, "each chunk comes so late [s], and the robot holds until then"),
-    "wrong_object": Kind("p", 0.5, 1.0, "at a handoff with probability p it takes another thing of the task"),
+KINDS: Mapping[str, FaultKind] = {
+    "freeze": FaultKind("p", 0.005, 1.0, "at each step with probability p it stops for good, until the next handoff"),
+    "jitter": FaultKind("", 0.02, math.pi, "each arm joint's target is off by so much [rad, standard deviation]"),
+    "drift": FaultKind(
+        "", 0.02, math.pi, "the arm joints' targets move away by so much a second [rad/s, root mean square]"
+    ),
+    "late": FaultKind("", 0.4, LONGEST_S, "each chunk comes so late [s], and the robot holds until then"),
+    "wrong_object": FaultKind("p", 0.5, 1.0, "at a handoff with probability p it takes another thing of the task"),
 }
 _MILLISECONDS = re.compile(r"(\S+)\s*ms")
 _SECONDS = re.compile(r"(\S+)\s*s")
@@ -58,7 +60,7 @@ def read_faults(given: str) -> dict[str, float]:
     return found
 
 
-def _number(name: str, kind: Kind, text: str) -> float:
+def _number(name: str, kind: FaultKind, text: str) -> float:
     key, equals, value = text.rpartition("=")
     if (key.strip() if equals else "") not in ("", kind.key):
         wanted = f"{name}:{kind.key}={kind.usual:g}" if kind.key else f"{name}:{kind.usual:g}"

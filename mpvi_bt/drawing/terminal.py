@@ -27,7 +27,7 @@ def _escaped(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error(_ESCAPED, _escaped)
 
 
-class Guarded:
+class GuardedStream:
     """A stream that writes text so that no terminal obeys it; what the stream's encoding lacks is escaped, too.
 
     Args:
@@ -53,8 +53,11 @@ class Guarded:
 def guarded() -> Iterator[None]:
     """Put a guard before this process's output, once, for as long as the context lasts."""
     before = sys.stdout, sys.stderr
-    if not isinstance(before[0], Guarded):
-        sys.stdout, sys.stderr = cast("TextIO", Guarded(before[0])), cast("TextIO", Guarded(before[1], short=True))
+    if not isinstance(before[0], GuardedStream):
+        sys.stdout, sys.stderr = (
+            cast("TextIO", GuardedStream(before[0])),
+            cast("TextIO", GuardedStream(before[1], short=True)),
+        )
     try:
         yield
     finally:
@@ -75,7 +78,7 @@ def give(text: str) -> None:
 
 
 def _behind(stream: TextIO) -> TextIO:
-    return stream.stream if isinstance(stream, Guarded) else stream
+    return stream.stream if isinstance(stream, GuardedStream) else stream
 
 
 def _encodable(text: str, stream: TextIO) -> str:

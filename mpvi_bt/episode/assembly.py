@@ -13,9 +13,9 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.choices.navigators import explorer, make_navigator
-from mpvi_bt.choices.policies import Ground, demonstrations, disturbed, in_chunks, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, demonstrations, disturbed, in_chunks, make_policy
 from mpvi_bt.episode.prepare import Prepared, arrangement
-from mpvi_bt.executive.replanning import Replanning, things
+from mpvi_bt.executive.replanning import Replanner, things
 from mpvi_bt.house.house import House
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
@@ -30,7 +30,7 @@ _LABELS = ("oracle", "segmentation")  # policies that see have a detector of lab
 
 
 @dataclass(frozen=True)
-class Parts:
+class RunParts:
     """What a run is made of.
 
     Attributes:
@@ -51,8 +51,8 @@ def assemble(
     world: World | RemoteWorld,
     vocabulary: Mapping[str, Iterable[str]],
     house: House | None = None,
-    make: Callable[[Ground], Policy] | None = None,
-) -> Parts:
+    make: Callable[[PolicyInputs], Policy] | None = None,
+) -> RunParts:
     """Make the backends that a config chooses.
 
     Args:
@@ -74,7 +74,7 @@ def assemble(
     told = demonstrations() if config.planner == NOBODY else None
     truth = world if isinstance(world, World) else None
     task = prepared.task.problem if prepared.task else prepared.spec.name
-    ground = Ground(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot)
+    ground = PolicyInputs(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot)
     policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
     relevant = task_relevant(tree.spec, skills)
     if isinstance(world, World) and house is not None:
@@ -100,7 +100,7 @@ def assemble(
     )
     if prepared.planner is not None:
         context.replanning = _replanning(prepared, config, tree, context, world)
-    return Parts(navigator, policy, context)
+    return RunParts(navigator, policy, context)
 
 
 def floors(house: House) -> dict[str, tuple[str, ...]]:
@@ -115,11 +115,11 @@ def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:
 
 def _replanning(
     prepared: Prepared, config: EpisodeConfig, tree: Tree, context: Context, world: World | RemoteWorld
-) -> Replanning:
+) -> Replanner:
     """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
     assert prepared.planner is not None
     replanning = partial(
-        Replanning,
+        Replanner,
         prepared.planner,
         tree,
         context,

@@ -10,7 +10,7 @@ from typing import Any
 
 from mpvi_bt.choices.backends import choose
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import Ground
+from mpvi_bt.choices.policies import PolicyInputs
 from mpvi_bt.choices.simulators import begin_elsewhere
 from mpvi_bt.choices.world_truth import Audit, TrueState
 from mpvi_bt.completion.oracle import OracleChecker
@@ -19,7 +19,7 @@ from mpvi_bt.episode.disturbed import faults_of, lateness_of
 from mpvi_bt.episode.metrics import Meter
 from mpvi_bt.episode.prepare import Prepared, prepare_episode
 from mpvi_bt.episode.queries import count_queries
-from mpvi_bt.episode.result import Failure, Grasps, Planning, PolicyShare, Replanned, make_result
+from mpvi_bt.episode.result import FailureRecord, Grasps, Planning, PolicyShare, ReplanRecord, make_result
 from mpvi_bt.episode.saved_episode import Keeper, SavedEpisode
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.saved_run import restore_world
@@ -34,7 +34,7 @@ from mpvi_bt.instances.tasks import Task
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.protocols import Policy
-from mpvi_bt.recording.demonstration_recorder import Demonstration
+from mpvi_bt.recording.demonstration_recorder import DemonstrationRecorder
 from mpvi_bt.recording.path_picture import PathPicture
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.recording.rerun_log import RerunLog
@@ -53,7 +53,7 @@ def run(
     prepared: Prepared | None = None,
     stop: Stop | None = None,
     begun: tuple[World, Start] | None = None,
-    make: Callable[[Ground], Policy] | None = None,
+    make: Callable[[PolicyInputs], Policy] | None = None,
 ) -> dict[str, Any]:
     """Run one episode.
 
@@ -137,11 +137,11 @@ def run(
         meter.measurement,
         ended=outcome.ending,
         failures=[
-            Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s)
+            FailureRecord(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s)
             for f in (*outcome.log.failures, *filter(None, [outcome.failure]))
         ],
         replans=[
-            Replanned(node=r.path, segments=r.segments, said=r.said, time_s=r.time_s) for r in outcome.log.replans
+            ReplanRecord(node=r.path, segments=r.segments, said=r.said, time_s=r.time_s) for r in outcome.log.replans
         ],
         clipped=outcome.log.clipped,
         grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
@@ -182,12 +182,12 @@ def _renders(config: EpisodeConfig) -> bool:
     return any(output is not None for output in outputs) or any(looking)
 
 
-def _demonstration(config: EpisodeConfig, task: Task) -> list[Demonstration]:
+def _demonstration(config: EpisodeConfig, task: Task) -> list[DemonstrationRecorder]:
     if config.demonstration is None:
         return []
     about = {"task": config.task_name, "instance": config.instance, "seed": config.seed, "config": config.record()}
     about |= {"problem": task.problem, "instruction": task.instruction}
-    return [Demonstration(config.demonstration, about, config.demonstration_fps)]
+    return [DemonstrationRecorder(config.demonstration, about, config.demonstration_fps)]
 
 
 def _recorders(

@@ -26,8 +26,8 @@ from mpvi_bt.instances.splits import check_split
 from mpvi_bt.instances.tasks import Task, load_task
 from mpvi_bt.marked_yaml import Marks, load_marked
 from mpvi_bt.monitors.calibration import Calibration, load_calibration
-from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.later import LaterPlanner
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.planners import Planned, Planner, RecordedPlanner
 from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills

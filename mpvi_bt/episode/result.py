@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, JsonValue, model_validator
 
 from mpvi_bt import __version__, paths
-from mpvi_bt.behaviors.context import Handoff
+from mpvi_bt.behaviors.context import WatchedHandoff
 from mpvi_bt.choices.backends import privileged
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.drawing.endings import ended, gave_up
@@ -48,14 +48,14 @@ class Time(Record):
     normalized_time: Amount | None
 
 
-class Hands(Record):
+class PerHand(Record):
     """A figure for each hand."""
 
     left: Amount
     right: Amount
 
 
-class Distances(Hands):
+class Distances(PerHand):
     """A figure for the base and each hand."""
 
     base: Amount
@@ -69,14 +69,14 @@ class Ratios(Record):
     right: Amount | None
 
 
-class GoalCondition(Record):
+class ConditionRecord(Record):
     """One condition of the goal at the end."""
 
     condition: str
     satisfied: bool
 
 
-class Failure(Record):
+class FailureRecord(Record):
     """One thing that failed in the world during the episode.
 
     Attributes:
@@ -92,7 +92,7 @@ class Failure(Record):
     time_s: Amount = 0.0
 
 
-class Replanned(Record):
+class ReplanRecord(Record):
     """One time that the planner was asked for a new plan.
 
     Attributes:
@@ -208,12 +208,12 @@ class Result(Record):
     time: Time
     agent_distance: Distances
     normalized_agent_distance: Ratios
-    agent_distance_base_relative: Hands
-    goal: list[GoalCondition]
+    agent_distance_base_relative: PerHand
+    goal: list[ConditionRecord]
     conditions_met: Share = Field(default_factory=lambda data: conditions_met([c.satisfied for c in data["goal"]]))
     ended: str
-    failures: list[Failure]
-    replans: list[Replanned] = []
+    failures: list[FailureRecord]
+    replans: list[ReplanRecord] = []
     clipped: Count = 0
     grasps: Grasps = Grasps()
     queries: Queries = Queries()
@@ -269,8 +269,8 @@ def make_result(
     measured: Measurement,
     *,
     ended: str,
-    failures: Iterable[Failure] = (),
-    replans: Iterable[Replanned] = (),
+    failures: Iterable[FailureRecord] = (),
+    replans: Iterable[ReplanRecord] = (),
     clipped: int = 0,
     grasps: Grasps | None = None,
     queries: Queries | None = None,
@@ -278,7 +278,7 @@ def make_result(
     policies: Mapping[str, PolicyShare] | None = None,
     faults: Mapping[str, int] | None = None,
     lateness: Lateness | None = None,
-    handoffs: Iterable[Handoff] = (),
+    handoffs: Iterable[WatchedHandoff] = (),
     things: Mapping[str, list[list[float]]] | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
@@ -318,8 +318,8 @@ def make_result(
             left=ratio(human.hand_m["left"], hands["left"]) if human else None,
             right=ratio(human.hand_m["right"], hands["right"]) if human else None,
         ),
-        agent_distance_base_relative=Hands(left=measured.hand_base_m["left"], right=measured.hand_base_m["right"]),
-        goal=[GoalCondition(condition=c.text, satisfied=c.satisfied) for c in goal.conditions],
+        agent_distance_base_relative=PerHand(left=measured.hand_base_m["left"], right=measured.hand_base_m["right"]),
+        goal=[ConditionRecord(condition=c.text, satisfied=c.satisfied) for c in goal.conditions],
         conditions_met=goal.conditions_met,
         ended=ended,
         failures=list(failures),

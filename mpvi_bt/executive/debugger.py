@@ -38,7 +38,7 @@ _HELP = """\
 """
 
 
-class Source(Protocol):
+class AnswerSource(Protocol):
     """Where answers come from, such as a terminal."""
 
     def readline(self) -> str:
@@ -86,7 +86,7 @@ class Debugger(Watcher):
 
     def __init__(
         self,
-        source: Source,
+        source: AnswerSource,
         stream: Stream,
         breaks: Iterable[str] = (),
         step: bool = False,

@@ -10,7 +10,7 @@ import numpy as np
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.errors import NotInDryRun
 from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
-from mpvi_bt.executive.replanning import Replanning
+from mpvi_bt.executive.replanning import Replanner
 from mpvi_bt.executive.saved_run import SavedRun, restore_world
 from mpvi_bt.plan.planners import Planner
 from mpvi_bt.plan.skills import Skill
@@ -67,7 +67,7 @@ def run_dry(
     world = world or EmptyWorld()
     context = dry_context(world, tree, skills)
     if planner is not None:
-        context.replanning = Replanning(planner, tree, context, drive=drive)
+        context.replanning = Replanner(planner, tree, context, drive=drive)
     if saved is not None:
         restore_world(saved, world, context)
     return run_episode(tree, world, context, subscribers, max_time_s, stop=stop, saved=saved.tree if saved else None)

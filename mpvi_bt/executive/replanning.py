@@ -14,7 +14,7 @@ from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.references import unescaped
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.language.chat import Answer
-from mpvi_bt.plan.history import History, Thing, Unit
+from mpvi_bt.plan.history import History, SeenThing, Unit
 from mpvi_bt.plan.planners import NoPlan, Planner
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.protocols import Cost
@@ -29,7 +29,7 @@ _LONGEST = 300  # characters of why there is no plan
 _NUMBER = re.compile(r"\d+ ")
 
 
-class Replanning:
+class Replanner:
     """Implements the protocol that `attempt` knows.
 
     A new plan is for the rest of the work. What is done stays in the tree, and so does what was given up; the new units
@@ -53,7 +53,7 @@ class Replanning:
         tree: Tree,
         context: Context,
         instruction: str = "",
-        seen: Callable[[], Iterable[Thing]] = tuple,
+        seen: Callable[[], Iterable[SeenThing]] = tuple,
         swapped: Callable[[TreeSpec], object] = lambda spec: None,
         drive: Drive = "navigator",
         arrange: Arrange | None = None,
@@ -197,7 +197,7 @@ def _came_to(segments: int | None, said: str) -> str:
     return f"new plan: {segments} segment{'s' * (segments != 1)}"
 
 
-def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[Thing] = ()) -> History:
+def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[SeenThing] = ()) -> History:
     """What came of a sequence up to the `attempt` at `path`, which has just failed, and what would come after it."""
     row = row_of(tree.spec, path) or (path,)
     placed = {node.path: node for node in tree.spec.nodes}
@@ -209,12 +209,12 @@ def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: 
     return History(tuple(units), tuple(_said(placed, later) for later in row[place + 1 :]), tuple(seen))
 
 
-def things(known: Iterable[Entry]) -> list[Thing]:
+def things(known: Iterable[Entry]) -> list[SeenThing]:
     """What a knowledge base holds of what was seen, carried things first, then the surest; none of a prior map."""
     by_name = {entry.name: entry for entry in known}
     seen = [e for e in by_name.values() if e.kind != "room" and e.source != "prior" and e.confidence >= LIKELY]
     return [
-        Thing(_called(e), e.room, _called(by_name[e.inside]) if e.inside in by_name else e.inside, e.held)
+        SeenThing(_called(e), e.room, _called(by_name[e.inside]) if e.inside in by_name else e.inside, e.held)
         for e in sorted(seen, key=lambda e: (not e.held, e.kind != "object", -e.confidence))
     ]
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from mpvi_bt.behaviors.context import Context, Failure, Handoff, Notice, Query, Replan
+from mpvi_bt.behaviors.context import Context, Failure, Notice, Query, Replan, WatchedHandoff
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
@@ -43,7 +43,7 @@ class SavedRun(Record):
     queries: list[Query] = []
     notices: list[Notice] = []
     replans: list[Replan] = []
-    handoffs: list[Handoff] = []
+    handoffs: list[WatchedHandoff] = []
     clipped: Annotated[int, Field(ge=0)] = 0
     world: SavedWorld
     memory: dict[str, JsonValue] = {}

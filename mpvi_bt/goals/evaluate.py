@@ -14,7 +14,7 @@ Snapshot = Mapping[Literal, bool]
 
 
 @dataclass(frozen=True)
-class Condition:
+class GoalCondition:
     """One condition of the goal, as printed, and whether it holds."""
 
     text: str
@@ -38,7 +38,7 @@ class GoalReport:
     satisfied: bool
     q: float
     fraction: float
-    conditions: tuple[Condition, ...]
+    conditions: tuple[GoalCondition, ...]
 
     @property
     def conditions_met(self) -> float:
@@ -63,7 +63,7 @@ def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
         satisfied=holds(goal, now),
         q=qscore(goal, start.__getitem__, now),
         fraction=fraction(goal, now),
-        conditions=tuple(Condition(str(c), holds(c, now)) for c in _flat(problem.conditions)),
+        conditions=tuple(GoalCondition(str(c), holds(c, now)) for c in _flat(problem.conditions)),
     )
 
 

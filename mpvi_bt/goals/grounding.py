@@ -8,7 +8,7 @@ from mpvi_bt.errors import shown
 from mpvi_bt.goals.expressions import CONNECTIVES, Expression, Form, Word, written
 from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import All, Exactly, Formula, Literal, Not, Pairs, Some
-from mpvi_bt.goals.vocabulary import ANY, Vocabulary
+from mpvi_bt.goals.vocabulary import ANY, BddlVocabulary
 
 MAX_PARTS = 100_000  # of a goal that is written out
 _ANYTHING = "?"  # stands for a variable where there is nothing that it could be, so that what follows is looked at
@@ -38,7 +38,7 @@ class Grounding:
     """
 
     def __init__(
-        self, objects: Mapping[str, str], wildcards: Collection[str], findings: Findings, known: Vocabulary = ANY
+        self, objects: Mapping[str, str], wildcards: Collection[str], findings: Findings, known: BddlVocabulary = ANY
     ) -> None:
         self.objects, self.wildcards, self.findings, self.known = objects, wildcards, findings, known
         self.synsets = {*objects.values(), *wildcards}

@@ -20,7 +20,7 @@ from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import OF_SUBSTANCE, All, Fact, Formula, Literal, literals
 from mpvi_bt.goals.grounding import Grounding
 from mpvi_bt.goals.problem_text import AGENT, read_problem
-from mpvi_bt.goals.vocabulary import ABSENT, ANY, Vocabulary, behavior
+from mpvi_bt.goals.vocabulary import ABSENT, ANY, BddlVocabulary, behavior
 from mpvi_bt.marked_yaml import read_text
 
 __all__ = ["AGENT", "Fact", "Problem", "activities", "load_problem", "parse_problem"]
@@ -145,7 +145,7 @@ def distributed() -> Mapping[str, Path]:
     return {match[1]: Path(str(distribution.locate_file(file))) for match, file in found if match}
 
 
-def load_problem(activity: str, known: Vocabulary | None = None) -> Problem:
+def load_problem(activity: str, known: BddlVocabulary | None = None) -> Problem:
     """Read an activity's problem.
 
     Args:
@@ -164,7 +164,7 @@ def load_problem(activity: str, known: Vocabulary | None = None) -> Problem:
     return parse_problem(read_text(files[activity]), activity, Findings(str(files[activity])), known)
 
 
-def parse_problem(text: str, name: str, findings: Findings | None = None, known: Vocabulary = ANY) -> Problem:
+def parse_problem(text: str, name: str, findings: Findings | None = None, known: BddlVocabulary = ANY) -> Problem:
     """The problem of a text.
 
     Args:

@@ -16,7 +16,7 @@ from mpvi_bt.goals.expressions import SECTIONS, Expression, Form, Word, read_exp
 from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import Fact
 from mpvi_bt.goals.grounding import NO_LITERAL, Grounding
-from mpvi_bt.goals.vocabulary import Vocabulary, unknown_synset
+from mpvi_bt.goals.vocabulary import BddlVocabulary, unknown_synset
 
 AGENT = "agent.n.01"
 _PLACES = ("ontop", "inside", "under", "nextto", "overlaid", "attached", "draped", "touching", "future")
@@ -37,7 +37,7 @@ class ProblemText:
     goal: Expression
 
 
-def read_problem(text: str, findings: Findings, known: Vocabulary) -> ProblemText:
+def read_problem(text: str, findings: Findings, known: BddlVocabulary) -> ProblemText:
     """The problem of a text.
 
     Args:
@@ -107,7 +107,7 @@ def _sections(define: Form, findings: Findings) -> dict[str, Form]:
     return found
 
 
-def _objects(section: Form, findings: Findings, known: Vocabulary) -> tuple[dict[Word, Word], dict[str, Word]]:
+def _objects(section: Form, findings: Findings, known: BddlVocabulary) -> tuple[dict[Word, Word], dict[str, Word]]:
     """Object to synset, and each synset that has a wildcard to that."""
     objects: dict[Word, Word] = {}
     starred: dict[str, Word] = {}
@@ -170,7 +170,7 @@ def _check_places(
     starred: Mapping[str, Word],
     facts: list[tuple[Expression, Fact]],
     findings: Findings,
-    known: Vocabulary,
+    known: BddlVocabulary,
 ) -> None:
     """Of everything :init must say where it is. What a fact that is none names may be placed by it."""
     said = [fact.literal for _, fact in facts if fact.positive]

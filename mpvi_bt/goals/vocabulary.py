@@ -25,7 +25,7 @@ _CLOSE = 5  # names that a message about a misspelt synset lists
 
 
 @dataclass(frozen=True)
-class Vocabulary:
+class BddlVocabulary:
     """Names that a problem may use; None: any name is taken.
 
     Attributes:
@@ -41,11 +41,11 @@ class Vocabulary:
     rooms: frozenset[str] | None = None
 
 
-ANY = Vocabulary()
+ANY = BddlVocabulary()
 
 
 @cache
-def behavior() -> Vocabulary:
+def behavior() -> BddlVocabulary:
     """BEHAVIOR's own names: WordNet's synsets as far as it has them, its own, and those above them.
 
     Raises:
@@ -55,7 +55,7 @@ def behavior() -> Vocabulary:
         rows = [(row["synset"], row["sceneObject"]) for row in csv.DictReader(file)]
     above = _NAME.findall(_data("generated_data/output_hierarchy.json").read_text(encoding="utf-8"))
     rooms = _data("generated_data/allowed_room_types.csv").read_text(encoding="utf-8").split()
-    return Vocabulary(
+    return BddlVocabulary(
         predicates=predicates(),
         synsets=frozenset({*above, *(name for name, _ in rows)}),
         fixtures=frozenset(name for name, fixed in rows if fixed == "1"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.house.boards import DROP_M, Around, Board, Put, Shape, balanced, floor_of, heap, put_all
+from mpvi_bt.house.boards import DROP_M, Around, Board, MovableForm, Put, balanced, floor_of, heap, put_all
 from mpvi_bt.house.ground import OBJECT_CLEARANCE_M, REACH_M, ROBOT_CLEARANCE_M, TWO_HANDS_REACH_M, Ground
 from mpvi_bt.house.house import House
 from mpvi_bt.robot.solids import Array, Solid, bounds, box, pose
@@ -49,7 +49,7 @@ class Arrangement:
         xy, _ = self._ground.draw(self._names[ground], 0.0, ROBOT_CLEARANCE_M, self._rng)
         return np.array([*xy, self._rng.uniform(-np.pi, np.pi)])
 
-    def add(self, predicate: str, place: str, shapes: Mapping[str, Shape]) -> None:
+    def add(self, predicate: str, place: str, shapes: Mapping[str, MovableForm]) -> None:
         """Put things where they belong, such as "ontop" of "desk.n.01_1".
 
         Raises:
@@ -69,19 +69,21 @@ class Arrangement:
         else:
             raise UserError(f"nothing can be {predicate} a {place.split('.')[0]} yet")
 
-    def _on_ground(self, ground: str, shapes: Mapping[str, Shape]) -> None:
+    def _on_ground(self, ground: str, shapes: Mapping[str, MovableForm]) -> None:
         for name, shape in shapes.items():
             xy, z = self._ground.draw(ground, shape.radius, OBJECT_CLEARANCE_M, self._rng)
             spot = (float(xy[0]), float(xy[1]), z + DROP_M - float(shape.extent[0, 2]))
             self.done[name] = Put(shape, pose(spot, float(self._rng.uniform(-np.pi, np.pi))))
 
-    def _on_fixture(self, fixture: str, shapes: Mapping[str, Shape], boards: Sequence[Board], shuffled: bool) -> None:
+    def _on_fixture(
+        self, fixture: str, shapes: Mapping[str, MovableForm], boards: Sequence[Board], shuffled: bool
+    ) -> None:
         put = put_all(shapes, boards, self._around(fixture), self._rng, shuffled=shuffled)
         self.done.update(put)
         for thing in put.values():
             self._ground.keep_way_to(thing.T[:2, 3])
 
-    def _on_thing(self, carrier: Put, shapes: Mapping[str, Shape]) -> None:
+    def _on_thing(self, carrier: Put, shapes: Mapping[str, MovableForm]) -> None:
         """On a face of it that they lie on with all of them; else, such as a keyboard on a notebook, on its middle."""
         root = carrier.shape.entry.description.root
         faces = [part.solid.moved(carrier.T) for part in root.parts if part.collides]
@@ -99,7 +101,7 @@ class Arrangement:
                 self.done[name] = put
                 around = [*around, put.around]
 
-    def _in_thing(self, container: Put, shapes: Mapping[str, Shape]) -> None:
+    def _in_thing(self, container: Put, shapes: Mapping[str, MovableForm]) -> None:
         """Side by side on the bottom, with room for a hand if there is; else one on the other."""
         volumes = [v.moved(container.T) for v in container.shape.entry.description.root.volumes]
         boards = [Board(floor_of(v), container.solids, "any", False, self._ground.ahead, _anywhere) for v in volumes]

@@ -38,7 +38,7 @@ _ROOM_M = 0.6  # over a board in which things may be in the way
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class MovableForm:
     """The form of a movable thing as it begins.
 
     Attributes:
@@ -89,7 +89,7 @@ class Shape:
 class Put:
     """A thing in its place: `shape` at `T` (4, 4, body to world)."""
 
-    shape: Shape
+    shape: MovableForm
     T: Array
 
     @cached_property
@@ -158,7 +158,7 @@ class Board:
 
 
 def put_all(
-    shapes: Mapping[str, Shape],
+    shapes: Mapping[str, MovableForm],
     boards: Sequence[Board],
     around: Sequence[Around],
     rng: np.random.Generator,
@@ -197,7 +197,7 @@ def put_all(
 
 
 def heap(
-    shapes: Mapping[str, Shape], volume: Solid, owner: Sequence[Solid], rng: np.random.Generator
+    shapes: Mapping[str, MovableForm], volume: Solid, owner: Sequence[Solid], rng: np.random.Generator
 ) -> dict[str, Put]:
     """Drop things into a container, one on the other where they have no room side by side, as low as they find.
 
@@ -235,7 +235,7 @@ def heap(
     return {name: done[name] for name in shapes}
 
 
-def balanced(shape: Shape, carrier: Put, around: Sequence[Around], rng: np.random.Generator) -> Put | None:
+def balanced(shape: MovableForm, carrier: Put, around: Sequence[Around], rng: np.random.Generator) -> Put | None:
     """A place on the middle of what is smaller, such as a keyboard's on a notebook; None if that is not free."""
     low, high = bounds(carrier.solids)
     yaw = float(np.arctan2(carrier.T[1, 0], carrier.T[0, 0]))
@@ -264,7 +264,7 @@ class _Site:
         self._obstacles = Surroundings([s for s in near if s is not board.face and s.aabb()[1, 2] > room[0, 2]])
         self._owner, self._top = Surroundings(board.owner), float(bounds(board.owner)[1, 2])
 
-    def put(self, shape: Shape, placed: Sequence[Put], gap: float, rng: np.random.Generator) -> Put | None:
+    def put(self, shape: MovableForm, placed: Sequence[Put], gap: float, rng: np.random.Generator) -> Put | None:
         """The thing in a place on the board, with a gap [m] to all around; None if none was found."""
         board = self._board
         margin = min(_EDGE_M, gap / 2)
@@ -319,7 +319,7 @@ class _Site:
 
 def _spots(
     face: Solid,
-    shape: Shape,
+    shape: MovableForm,
     margin: float,
     rng: np.random.Generator,
     heading: Callable[[Array], Array] | None,

@@ -13,7 +13,7 @@ from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.goals.world_state import aabb
-from mpvi_bt.house.boards import Shape
+from mpvi_bt.house.boards import MovableForm
 from mpvi_bt.house.ground import PASSAGE_M, REACH_M, TWO_HANDS_REACH_M
 from mpvi_bt.house.house import House
 from mpvi_bt.house.prior_map import prior_map
@@ -194,6 +194,6 @@ def _out_of_reach(world: World, start: Start, house: House, problem: Problem) ->
     away = ndimage.distance_transform_edt(regions != here) * grid.resolution_m
     carried = {f.literal.args[0] for f in problem.init if len(f.literal.args) == 2 and f.literal.args[1] in boxes}
     for name, window in windows.items():
-        two_hands = name not in carried and Shape(start.objects[name].entry).two_hands
+        two_hands = name not in carried and MovableForm(start.objects[name].entry).two_hands
         if not (away[window] < (TWO_HANDS_REACH_M if two_hands else REACH_M)).any():
             yield name

@@ -12,7 +12,7 @@ from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.predicates import kind_of
 from mpvi_bt.goals.problem import Fact, Problem
 from mpvi_bt.house.arranging import Arrangement
-from mpvi_bt.house.boards import Shape
+from mpvi_bt.house.boards import MovableForm
 from mpvi_bt.house.house import House
 from mpvi_bt.house.start_facts import asked_for, scene_names
 from mpvi_bt.robot.solids import Array
@@ -82,7 +82,7 @@ def sample(
         wanted["inside", vessel] += grains[1:]
         entries |= dict.fromkeys(grains, entries[substance])
     openings = _openings(house, problem, names, entries)
-    shapes = {name: Shape(entry, openings.get(name, {})) for name, entry in entries.items()}
+    shapes = {name: MovableForm(entry, openings.get(name, {})) for name, entry in entries.items()}
     opened = {names.get(name, name): bodies for name, bodies in openings.items()}
     arrangement = Arrangement(house, names, opened, rng)
     for (predicate, place), things in wanted.items():

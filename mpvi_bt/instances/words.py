@@ -8,12 +8,12 @@ from dataclasses import replace
 
 from mpvi_bt import paths
 from mpvi_bt.errors import UserError
-from mpvi_bt.goals.vocabulary import Vocabulary, behavior
+from mpvi_bt.goals.vocabulary import BddlVocabulary, behavior
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.things.catalogue import load_catalogue
 
 
-def known_words() -> Vocabulary:
+def known_words() -> BddlVocabulary:
     """All of them.
 
     Raises:

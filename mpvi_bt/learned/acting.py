@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.learned.features import STRIDE, WAYPOINT, WAYPOINTS, Moments, TargetFrame, actor_inputs
 from mpvi_bt.learned.mirroring import BODY, SIDE
-from mpvi_bt.learned.features import STRIDE, WAYPOINT, WAYPOINTS, Approach, Moments, actor_inputs
 from mpvi_bt.learned.network import Networks
 from mpvi_bt.learned.points import TARGET_POINTS
 from mpvi_bt.robot import kinematics as kin
@@ -59,7 +59,7 @@ def propose(net: Networks, now: Moments, begun: Array, points: Array, nth: int, 
         here: Whether the base stays where it is.
     """
     some = np.concatenate([points[:_PROPOSED_POINTS], points[TARGET_POINTS : TARGET_POINTS + _PROPOSED_POINTS]])[None]
-    frame = Approach.of(_within(begun, points[:_PROPOSED_POINTS].mean(0)), some, _PROPOSED_POINTS)
+    frame = TargetFrame.of(_within(begun, points[:_PROPOSED_POINTS].mean(0)), some, _PROPOSED_POINTS)
     hypotheses, likely = net.propose(frame.points(some), frame.told, _PROPOSED_POINTS)
     stances, hands = frame.stance(hypotheses)
     found = []

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.learned.features import STRIDE, WAYPOINTS, Approach, Moments, actor_inputs, hand_at, waypoints
-from mpvi_bt.learned.training_set import Frames
+from mpvi_bt.learned.features import STRIDE, WAYPOINTS, Moments, TargetFrame, actor_inputs, hand_at, waypoints
 from mpvi_bt.learned.points import CONTEXT_POINTS, TARGET_POINTS
+from mpvi_bt.learned.training_set import TrainingSet
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
@@ -44,7 +44,7 @@ class ActorBatch:
 class Batches:
     """Draws samples from some of the episodes."""
 
-    def __init__(self, frames: Frames, episodes: NDArray[np.intp]) -> None:
+    def __init__(self, frames: TrainingSet, episodes: NDArray[np.intp]) -> None:
         """Take frames, and the episodes that may be drawn from."""
         self.frames = frames
         now = frames.moments
@@ -108,7 +108,7 @@ class Batches:
         if disturbed:
             base = base + rng.normal(0, 1, (n, 3)) * _APPROACH_BASE
         points = self._points(at, PROPOSER_POINTS, rng, disturbed)
-        frame = Approach.of(base, points, PROPOSER_POINTS)
+        frame = TargetFrame.of(base, points, PROPOSER_POINTS)
         return frame.points(points), frame.told, frame.hypothesis(self.frames.stance[at])
 
     def _points(self, at: NDArray[np.intp], count: int, rng: np.random.Generator, disturbed: bool) -> Array:

@@ -122,7 +122,7 @@ def waypoints(now: Moments, base: Array, torso: Array, arm: Array, grip: Array) 
 
 
 @dataclass(frozen=True, eq=False)
-class Approach:
+class TargetFrame:
     """The frame that stances are proposed in: at the target's middle, x from the robot to it, z up.
 
     Attributes:
@@ -138,7 +138,7 @@ class Approach:
     told: Array
 
     @classmethod
-    def of(cls, base: Array, points: Array, targets: int) -> Approach:
+    def of(cls, base: Array, points: Array, targets: int) -> TargetFrame:
         """From bases (n, 3) and points (n, m, 3) in the world, the first `targets` of the target."""
         middle = points[:, :targets].mean(1)
         away = middle[:, :2] - base[:, :2]

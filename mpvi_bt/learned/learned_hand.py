@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.learned import mirroring
-from mpvi_bt.learned.mirroring import SIDE
 from mpvi_bt.learned.features import Moments
+from mpvi_bt.learned.mirroring import SIDE
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 

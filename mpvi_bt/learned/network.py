@@ -33,7 +33,7 @@ _MOST = 6.0  # standard deviations that an input counts for
 
 
 @dataclass(frozen=True)
-class Shape:
+class NetworkSizes:
     """Sizes of a network.
 
     Attributes:
@@ -62,8 +62,8 @@ class Shape:
         return out
 
 
-ACTOR = Shape(ACTOR_POINT, FELT_SIZE, ACTOR_WIDTHS, WAYPOINTS * WAYPOINT_SIZE + 1)
-PROPOSER = Shape(PROPOSER_POINT, PROPOSER_TOLD, PROPOSER_WIDTHS, HYPOTHESES * (HYPOTHESIS_SIZE + 1))
+ACTOR = NetworkSizes(ACTOR_POINT, FELT_SIZE, ACTOR_WIDTHS, WAYPOINTS * WAYPOINT_SIZE + 1)
+PROPOSER = NetworkSizes(PROPOSER_POINT, PROPOSER_TOLD, PROPOSER_WIDTHS, HYPOTHESES * (HYPOTHESIS_SIZE + 1))
 # Means and standard deviations: of what the actor is told, of hypotheses.
 _SHAPES = {
     **{f"actor.{name}": shape for name, shape in ACTOR.layers().items()},
@@ -109,7 +109,7 @@ class Networks:
         w = self.weights
         return out[:, :-1] * w["proposer.std"] + w["proposer.mean"], likely - np.log(np.exp(likely).sum())
 
-    def _answer(self, network: str, shape: Shape, points: Array, told: Array, targets: int) -> Array:
+    def _answer(self, network: str, shape: NetworkSizes, points: Array, told: Array, targets: int) -> Array:
         sets = (("target", points[0, :targets]), ("context", points[0, targets:]))
         x = np.concatenate([*(self._set(f"{network}.{name}", p) for name, p in sets), told[0]])
         for k in range(len(shape.widths)):

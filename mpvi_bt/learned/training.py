@@ -20,8 +20,8 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
 from mpvi_bt.learned.batches import ACTOR_POINTS, PROPOSER_POINTS, Batches
 from mpvi_bt.learned.features import HYPOTHESIS_SIZE, SCALE, WAYPOINTS
-from mpvi_bt.learned.training_set import Frames
-from mpvi_bt.learned.network import ACTOR, HYPOTHESES, POINT_WIDTHS, PROPOSER, Networks, Shape
+from mpvi_bt.learned.network import ACTOR, HYPOTHESES, POINT_WIDTHS, PROPOSER, Networks, NetworkSizes
+from mpvi_bt.learned.training_set import TrainingSet
 from mpvi_bt.robot.solids import Array
 
 ACTOR_STEPS, PROPOSER_STEPS = 12_000, 3_000
@@ -51,7 +51,7 @@ class Training:
         curves: What was told: step, network, losses.
     """
 
-    frames: Frames
+    frames: TrainingSet
     seed: int
     actor_steps: int = ACTOR_STEPS
     proposer_steps: int = PROPOSER_STEPS
@@ -102,7 +102,7 @@ def _torch() -> Any:
     return torch
 
 
-def _network(shape: Shape, dropout: float) -> Any:
+def _network(shape: NetworkSizes, dropout: float) -> Any:
     """As `mpvi_bt.learned.network` runs it."""
     nn = _torch().nn
 
@@ -122,7 +122,7 @@ class _Trained:
     """A network in training: Adam, a rate that warms up and falls as a cosine."""
 
     name: str
-    shape: Shape
+    shape: NetworkSizes
     dropout = 0.0
     rate: float
     decay: float

@@ -24,7 +24,7 @@ _PAUSE = 2  # steps of a pause that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class TrainingSet:
     """n moments of all episodes, one after the other; indices are into these.
 
     Attributes:
@@ -47,7 +47,7 @@ class Frames:
     episode: NDArray[np.intp]
 
 
-def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda line: None) -> Frames:
+def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda line: None) -> TrainingSet:
     """The demonstrations of a skill in `folder`/SKILL/*.npz.
 
     Args:
@@ -61,7 +61,7 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
     if skill not in MOTIONS:
         raise UnknownName("learned skill", skill, MOTIONS)
     moments: list[Moments] = []
-    columns: dict[str, list[Any]] = {f.name: [] for f in fields(Frames) if f.name != "moments"}
+    columns: dict[str, list[Any]] = {f.name: [] for f in fields(TrainingSet) if f.name != "moments"}
     n = m = 0
     for path in sorted((folder / skill).glob("*.npz"), key=lambda p: (len(p.stem), p.stem)):
         try:
@@ -92,7 +92,7 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
         raise UserError(f"{folder / skill}: there are no demonstrations; docs/learned.md says how to record some.")
     whole = Moments(*(np.concatenate([getattr(now, f.name) for now in moments]) for f in fields(Moments)))
     rest: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
-    return Frames(whole, **rest)
+    return TrainingSet(whole, **rest)
 
 
 def _moving(shown: Demonstration) -> NDArray[np.intp]:

@@ -33,42 +33,42 @@ Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class BatchState:
     """How all that moves stands in some houses, with m free things, k joints of things and d of the robot.
 
     Attributes:
-        poses: (n, m, 7) of the free things, x, y, z [m] and quaternion wxyz, in `Layout.free`'s order.
-        joints: (n, k) [m, rad], as `Layout.joints` has them.
-        robot: (n, d) in the order of `Layout.robot`.
+        poses: (n, m, 7) of the free things, x, y, z [m] and quaternion wxyz, in `StateLayout.free`'s order.
+        joints: (n, k) [m, rad], as `StateLayout.joints` has them.
+        robot: (n, d) in the order of `StateLayout.robot`.
     """
 
     poses: torch.Tensor
     joints: torch.Tensor
     robot: torch.Tensor
 
-    def moved_since(self, before: Standing | None) -> torch.Tensor:
+    def moved_since(self, before: BatchState | None) -> torch.Tensor:
         """(n,) whether any thing has moved since; the robot does not count. None: all have."""
         if before is None:
             return torch.ones(len(self.poses), dtype=torch.bool, device=self.poses.device)
         changes = torch.hstack([(self.poses - before.poses).flatten(1), self.joints - before.joints])
         return (changes.abs() > _MOVED).any(dim=1)
 
-    def only(self, rows: torch.Tensor) -> Standing:
+    def only(self, rows: torch.Tensor) -> BatchState:
         """These rows (r,)."""
-        return Standing(self.poses[rows], self.joints[rows], self.robot[rows])
+        return BatchState(self.poses[rows], self.joints[rows], self.robot[rows])
 
-    def replaced(self, rows: torch.Tensor, other: Standing) -> Standing:
+    def replaced(self, rows: torch.Tensor, other: BatchState) -> BatchState:
         """The same with these rows (r,) as another one's r have it."""
         pairs = ((self.poses, other.poses), (self.joints, other.joints), (self.robot, other.robot))
-        return Standing(*(mine.index_copy(0, rows, theirs.to(mine)) for mine, theirs in pairs))
+        return BatchState(*(mine.index_copy(0, rows, theirs.to(mine)) for mine, theirs in pairs))
 
     def rows(self) -> list[tuple[Floats, Floats, Floats]]:
         """The three of each house, on the CPU."""
         return list(zip(*(t.cpu().numpy() for t in (self.poses, self.joints, self.robot)), strict=True))
 
 
-class Layout:
-    """What the numbers of a `Standing` belong to.
+class StateLayout:
+    """What the numbers of a `BatchState` belong to.
 
     Attributes:
         free: Names of the things that move as a whole.
@@ -87,21 +87,21 @@ class Layout:
                 count += thing.articulation.dof
         self.count, self.robot = count, list(robot)
 
-    def standing(self, saved: Sequence[Mapping[str, Any]]) -> Standing:
+    def standing(self, saved: Sequence[Mapping[str, Any]]) -> BatchState:
         """How worlds stood when `World.save` told of them, their robots' joints by name under "joints"."""
         poses = [[world["things"][name]["pose"] for name in self.free] for world in saved]
         joints = [[q for name in self.joints for q in world["things"][name]["q"]] for world in saved]
         robots = [[world["joints"][name] for name in self.robot] for world in saved]
         shapes = ((len(self.free), 7), (self.count,), (len(self.robot),))
         values = (torch.tensor(v, dtype=torch.float32) for v in (poses, joints, robots))
-        return Standing(*(v.reshape(len(saved), *shape) for v, shape in zip(values, shapes, strict=True)))
+        return BatchState(*(v.reshape(len(saved), *shape) for v, shape in zip(values, shapes, strict=True)))
 
 
 class Twin(World):
     """A house of the core's, on the CPU, that stands as one of many does elsewhere, and whose physics only feel it."""
 
-    def follow(self, layout: Layout, poses: Floats, joints: Floats, robot: Floats) -> None:
-        """Stand as told, and find what touches what: (m, 7), (k,) and (d,), a row of a `Standing`."""
+    def follow(self, layout: StateLayout, poses: Floats, joints: Floats, robot: Floats) -> None:
+        """Stand as told, and find what touches what: (m, 7), (k,) and (d,), a row of a `BatchState`."""
         motions: dict[str, dict[str, list[float]]] = {}
         for name, pose in zip(layout.free, poses.tolist(), strict=True):
             motions[name] = {"pose": pose, "root_v": [0.0] * 6, "v": [0.0] * 6}
@@ -128,7 +128,7 @@ class Batch:
     def __init__(
         self,
         scene: ManiSkillScene,
-        layout: Layout,
+        layout: StateLayout,
         views: Mapping[str, Actor | Articulation],
         robot: Articulation,
     ) -> None:
@@ -143,11 +143,11 @@ class Batch:
         """(n, k) of all doors, drawers and lids [m, rad]."""
         return self._stacked([self._views[name].get_qpos() for name in self.layout.joints], (0,))
 
-    def read(self) -> Standing:
+    def read(self) -> BatchState:
         """How everything stands now."""
-        return Standing(self.poses(), self.joints(), self.robot.get_qpos())
+        return BatchState(self.poses(), self.joints(), self.robot.get_qpos())
 
-    def put(self, standing: Standing) -> None:
+    def put(self, standing: BatchState) -> None:
         """Have the houses that ManiSkill resets stand so, all at rest; `standing` has a row for each, ascending."""
         rows = self._scene._reset_mask
         still = torch.zeros((len(standing.poses), 6), device=self._scene.device)

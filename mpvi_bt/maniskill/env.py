@@ -34,7 +34,7 @@ from mpvi_bt.instances.splits import Split
 from mpvi_bt.instances.tasks import Task, load_task
 from mpvi_bt.maniskill import fetch_agent
 from mpvi_bt.maniskill.agent import R1
-from mpvi_bt.maniskill.batch import Batch, Begun, Layout, Standing, Twin, begun, furnish, twin
+from mpvi_bt.maniskill.batch import Batch, BatchState, Begun, StateLayout, Twin, begun, furnish, twin
 from mpvi_bt.maniskill.drive_tensors import DrivenR1, Drives
 from mpvi_bt.maniskill.env_world import ManiSkillWorld
 from mpvi_bt.maniskill.scene_views import SHADERS, adopt, register_shaders, simulation
@@ -244,7 +244,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         first = self._houses[0]
         self._views = {name: adopt(self.scene, [things[name] for things in self._houses]) for name in first}
         order = [joint.name for joint in self.agent.robot.active_joints]
-        self._batch = Batch(self.scene, Layout(first, order), self._views, self.agent.robot)
+        self._batch = Batch(self.scene, StateLayout(first, order), self._views, self.agent.robot)
         model = self.worlds[0].robot.model
         self._base = [order.index(name) for name in model.base_joints]
         self._hands = [[order.index(name) for name in pair] for pair in model.finger_joints.values()]
@@ -253,7 +253,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             n: (list(at), torch.tensor(limits, device=self.device)) for n, (at, limits) in jointed.items()
         }
         self._behind = False  # whether the worlds have yet to follow the last step
-        self._followed: Standing | None = None
+        self._followed: BatchState | None = None
 
     def _load_lighting(self, options: Mapping[str, Any]) -> None:
         for scene in self.scene.sub_scenes:

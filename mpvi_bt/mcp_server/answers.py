@@ -24,7 +24,7 @@ class Tasks(BaseModel):
     trees: list[str] = Field(description="Names of trees that are on file.")
 
 
-class Scene(BaseModel):
+class TaskScene(BaseModel):
     """What plans and trees can name where a task is; where the robot stands and what it sees is not known yet."""
 
     task: str
@@ -44,14 +44,14 @@ class Found(BaseModel):
     message: str
 
 
-class Checked(BaseModel):
+class CheckedText(BaseModel):
     """What is wrong with a text."""
 
     ok: bool = Field(description="Whether it can be run: it has no error.")
     problems: list[Found]
 
 
-class Planned(BaseModel):
+class TaskPlan(BaseModel):
     """The recorded plan of a task."""
 
     task: str
@@ -75,7 +75,7 @@ class Started(BaseModel):
     trace: str = Field(description="Address of its trace as a resource.")
 
 
-class Progress(BaseModel):
+class RunProgress(BaseModel):
     """How far a run is."""
 
     run: str
@@ -87,14 +87,14 @@ class Progress(BaseModel):
     outcome: str = Field(description="How it ended, q first where a goal is scored; empty before.")
 
 
-class Explanation(BaseModel):
+class RunExplanation(BaseModel):
     """Why a run ended as it did."""
 
     run: str
     text: str
 
 
-class Stopped(BaseModel):
+class StoppedRun(BaseModel):
     """A run that was stopped."""
 
     run: str

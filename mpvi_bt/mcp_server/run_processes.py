@@ -18,16 +18,16 @@ from typing import Any, Literal
 
 from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import MpviError, UnknownName, UserError
-from mpvi_bt.mcp_server.answers import Progress
+from mpvi_bt.mcp_server.answers import RunProgress
 from mpvi_bt.trace.growing_trace import Follow
-from mpvi_bt.trace.html import Frames
+from mpvi_bt.trace.html import PageFrames
 
 _STOP_S = 30.0  # for a run to be saved and its goal to be scored, before it is killed
 _LATEST = 8
 
 
 @dataclass
-class Run:
+class RunProcess:
     """One run.
 
     Attributes:
@@ -46,7 +46,7 @@ class Run:
     process: subprocess.Popen[bytes]
     began: float
     _follow: Follow | None = None
-    _frames: Frames | None = None
+    _frames: PageFrames | None = None
     _gave_up: int = 0
     _states: dict[str, str] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -61,7 +61,7 @@ class Run:
         """Its trace, once there is one."""
         return next(iter(self.folder.glob("*.trace.jsonl")), None)
 
-    def progress(self) -> Progress:
+    def progress(self) -> RunProgress:
         """How far it is."""
         with self._lock:
             alive = self.alive
@@ -93,7 +93,7 @@ class Run:
         with contextlib.suppress(MpviError):
             if self._follow is None and self.trace is not None:
                 self._follow = Follow(self.trace)
-                self._frames = Frames(self._follow.tree)
+                self._frames = PageFrames(self._follow.tree)
             if self._follow is not None and self._frames is not None:
                 ticks = self._follow.new()
                 self._frames.add(ticks)
@@ -115,13 +115,13 @@ def _told(
     doing: Sequence[str] = (),
     latest: Sequence[str] = (),
     outcome: str = "",
-) -> Progress:
-    return Progress(
+) -> RunProgress:
+    return RunProgress(
         run=run, state=state, tick=tick, time_s=time_s, doing=list(doing), latest=list(latest), outcome=outcome
     )
 
 
-class Runs:
+class RunProcesses:
     """All runs; the one that goes on holds the robot.
 
     Args:
@@ -130,11 +130,11 @@ class Runs:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._runs: dict[str, Run] = {}
+        self._runs: dict[str, RunProcess] = {}
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
 
-    def start(self, words: Sequence[str], about: str, dry: bool, tree: str | None) -> Run:
+    def start(self, words: Sequence[str], about: str, dry: bool, tree: str | None) -> RunProcess:
         """Start `mpvi run WORDS`.
 
         Args:
@@ -168,7 +168,7 @@ class Runs:
                     stderr=said,
                     start_new_session=True,  # Ctrl-C is for the server, which stops it
                 )
-            run = Run(folder.name, about, dry, folder, process, time.monotonic())
+            run = RunProcess(folder.name, about, dry, folder, process, time.monotonic())
             self._runs[run.id] = run
             return run
 
@@ -180,20 +180,20 @@ class Runs:
                 return folder
         raise AssertionError
 
-    def get(self, name: str) -> Run:
+    def get(self, name: str) -> RunProcess:
         """The run of an id. Raises UnknownName."""
         if name not in self._runs:
             raise UnknownName("run", name, self._runs)
         return self._runs[name]
 
     @property
-    def last(self) -> Run:
+    def last(self) -> RunProcess:
         """The one that was started last. Raises UserError if none was."""
         if not self._runs:
             raise UserError("nothing has been run yet")
         return next(reversed(self._runs.values()))
 
-    def stop(self, run: Run) -> None:
+    def stop(self, run: RunProcess) -> None:
         """End it as Ctrl-C does, and wait; what does not end is killed."""
         if run.alive:
             with contextlib.suppress(ProcessLookupError):

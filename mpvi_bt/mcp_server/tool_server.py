@@ -16,7 +16,7 @@ from starlette.types import ASGIApp
 
 import mpvi_bt
 from mpvi_bt.errors import MpviError
-from mpvi_bt.mcp_server.answers import Progress
+from mpvi_bt.mcp_server.answers import RunProgress
 from mpvi_bt.mcp_server.tools import Tools
 
 _LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
@@ -38,7 +38,7 @@ def make_server(tools: Tools) -> MCPServer[Any]:
     server.tool(annotations=_MOVES)(_told(tools.run))
     server.tool(annotations=_ENDS)(_told(tools.stop))
 
-    async def progress(ctx: Context, run: str | None = None, wait_s: float = 0.0) -> Progress:
+    async def progress(ctx: Context, run: str | None = None, wait_s: float = 0.0) -> RunProgress:
         try:
             return await tools.progress(ctx.report_progress, run, wait_s)
         except MpviError as error:
@@ -53,7 +53,7 @@ def make_server(tools: Tools) -> MCPServer[Any]:
 
 
 def over_http(server: MCPServer[Any]) -> ASGIApp:
-    """What answers at /mcp; who may ask is for a `watch.guard.Guard` to say."""
+    """What answers at /mcp; who may ask is for a `watch.guard.PageGuard` to say."""
     unguarded = TransportSecuritySettings(enable_dns_rebinding_protection=False)
     return server.streamable_http_app(streamable_http_path="/mcp", transport_security=unguarded)
 

@@ -12,19 +12,19 @@ from pydantic import Field
 from mpvi_bt import paths
 from mpvi_bt.errors import UserError
 from mpvi_bt.mcp_server.answers import (
-    Checked,
-    Explanation,
+    CheckedText,
     Found,
-    Planned,
     Preview,
-    Progress,
-    Scene,
+    RunExplanation,
+    RunProgress,
     Started,
-    Stopped,
+    StoppedRun,
     TaskLine,
+    TaskPlan,
     Tasks,
+    TaskScene,
 )
-from mpvi_bt.mcp_server.run_processes import Run, Runs
+from mpvi_bt.mcp_server.run_processes import RunProcess, RunProcesses
 
 _MOST = 200_000  # characters of a tree
 _EVERY_S = 0.5
@@ -45,7 +45,7 @@ class Tools:
         allow_motion: Whether a run may move the robot; else every run is dry.
     """
 
-    def __init__(self, runs: Runs, allow_motion: bool = False) -> None:
+    def __init__(self, runs: RunProcesses, allow_motion: bool = False) -> None:
         self._runs, self._allow_motion = runs, allow_motion
 
     def tasks(self) -> Tasks:
@@ -67,14 +67,14 @@ class Tools:
             trees=paths.names("trees"),
         )
 
-    def scene(self, task: TaskName) -> Scene:
+    def scene(self, task: TaskName) -> TaskScene:
         """Rooms, fixtures and things that plans and trees can name where a task is."""
         from mpvi_bt.choices.planning import ground
         from mpvi_bt.instances.tasks import load_task
 
         loaded = load_task(_known(task))
         place = ground(loaded.house, loaded)
-        return Scene(
+        return TaskScene(
             task=task,
             instruction=loaded.instruction,
             house=loaded.house,
@@ -82,23 +82,23 @@ class Tools:
             targets=place.phrases,
         )
 
-    def plan(self, task: TaskName) -> Planned:
+    def plan(self, task: TaskName) -> TaskPlan:
         """The plan of a task that is on file, and the tree that it compiles to."""
         from mpvi_bt import api
         from mpvi_bt.instances.tasks import load_task
         from mpvi_bt.tree.writer import dump_tree
 
         plan = api.load_plan(load_task(_known(task)).plan)
-        return Planned(task=task, plan=plan.to_json(), tree=dump_tree(api.compile_plan(plan)))
+        return TaskPlan(task=task, plan=plan.to_json(), tree=dump_tree(api.compile_plan(plan)))
 
     def check(
         self, text: Text, task: Annotated[str | None, Field(description="Check names against this task.")] = None
-    ) -> Checked:
+    ) -> CheckedText:
         """Every problem of a tree or a plan, with line, column and what would be valid. Check before you run."""
         from mpvi_bt.authoring.checking import check_files
 
         problems = check_files(["-"], None if task is None else _known(task), text).problems
-        return Checked(
+        return CheckedText(
             ok=not [p for p in problems if p.severity == "error"],
             problems=[
                 Found(line=p.line, column=p.column, code=p.code, severity=p.severity, message=p.message)
@@ -154,7 +154,7 @@ class Tools:
     async def progress(
         self, report: Report, run: RunId = None,
         wait_s: Annotated[float, Field(ge=0, le=_LONGEST_S, description="Wait so long for its end.")] = 0.0,
-    ) -> Progress:  # fmt: skip
+    ) -> RunProgress:  # fmt: skip
         """How far a run is: tick, simulated time, what runs now, what happened. With wait_s it tells meanwhile."""
         found = self._named(run)
         until = asyncio.get_running_loop().time() + wait_s
@@ -169,7 +169,7 @@ class Tools:
                 await report(last, None, f"{progress.time_s:.1f} s: {', '.join(progress.doing) or progress.state}")
             await asyncio.sleep(min(_EVERY_S, left_s))
 
-    def explain(self, run: RunId = None) -> Explanation:
+    def explain(self, run: RunId = None) -> RunExplanation:
         """Why a run ended as it did, from the root down to the leaf that failed; or how it stands, while it goes on."""
         from mpvi_bt.trace.explain import explain
         from mpvi_bt.trace.explain_text import explanation_text
@@ -180,13 +180,13 @@ class Tools:
             text = "it has not begun" if found.alive else found.said()
         else:
             text = explanation_text(explain(read_trace(trace)))
-        return Explanation(run=found.id, text=text)
+        return RunExplanation(run=found.id, text=text)
 
-    def stop(self, run: RunId = None) -> Stopped:
+    def stop(self, run: RunId = None) -> StoppedRun:
         """End a run between two ticks: the robot holds still, the goal is scored, and its trace is closed."""
         found = self._named(run)
         self._runs.stop(found)
-        return Stopped(run=found.id, outcome=found.progress().outcome)
+        return StoppedRun(run=found.id, outcome=found.progress().outcome)
 
     def trace(self, run: str) -> str:
         """The trace of a run. Raises UserError if there is none yet."""
@@ -194,7 +194,7 @@ class Tools:
             raise UserError(f"run {run} has no trace yet")
         return trace.read_text(encoding="utf-8")
 
-    def _named(self, run: str | None) -> Run:
+    def _named(self, run: str | None) -> RunProcess:
         return self._runs.last if run is None else self._runs.get(run)
 
 

@@ -17,7 +17,7 @@ from mpvi_bt.navigation.goals import Goal, distance_to, near_goals
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.navigation.nod import crane, lift_over, nod, tilt_toward
-from mpvi_bt.navigation.search import Search
+from mpvi_bt.navigation.search import TargetSearch
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.navigation.ways import stuck
 from mpvi_bt.perception.detector import Detection
@@ -69,7 +69,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         """
         super().__init__(robot, lambda: lookout.occupancy.map, knowledge, stow, parameters)
         self.lookout = lookout
-        self.search = Search(robot, lookout, self._driver)
+        self.search = TargetSearch(robot, lookout, self._driver)
 
     def feel(self) -> None:
         """Notice what the hands hold and let go; once a control step, whatever the robot does."""

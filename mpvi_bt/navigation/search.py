@@ -50,7 +50,7 @@ class SearchParameters:
     barren_m: float = 0.4
 
 
-class Search:
+class TargetSearch:
     """Explores until it is told that it has found, or nothing that can be reached is left unseen.
 
     At each turn the robot first turns toward unseen floor that is visible from where it stands, then drives to the

@@ -61,7 +61,7 @@ class Detector(Protocol):
 _Answer = tuple[Any, BaseException | None]
 
 
-class Guarded:
+class GuardedDetector:
     """A detector around another one, of which nothing is taken on trust.
 
     Whatever goes wrong in it is a `DetectorError` with a reason that docs/detectors.md lists. It works in a thread of

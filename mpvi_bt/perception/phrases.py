@@ -40,7 +40,7 @@ Quality = tuple[str, str]  # its group and itself, such as ("color", "red")
 
 
 @dataclass(frozen=True)
-class Reading:
+class PhraseMeaning:
     """What a phrase says.
 
     Attributes:
@@ -96,7 +96,7 @@ class Vocabulary:
 
 
 @lru_cache(maxsize=10_000)
-def read(phrase: str) -> Reading | None:
+def read(phrase: str) -> PhraseMeaning | None:
     """What a phrase says, or None of one that is empty, longer than `MOST_CHARACTERS`, or without a noun."""
     if len(phrase) > MOST_CHARACTERS:
         return None
@@ -104,7 +104,7 @@ def read(phrase: str) -> Reading | None:
     cut = next((i for i in range(len(words)) if _starts_clause(words, i)), len(words))
     words, place = words[:cut], " ".join(words[cut:])
     noun, qualities = _noun(words)
-    return Reading(tuple(words), _one_name(noun), frozenset(qualities), place) if noun else None
+    return PhraseMeaning(tuple(words), _one_name(noun), frozenset(qualities), place) if noun else None
 
 
 def kinds(phrases: Iterable[str]) -> list[str]:

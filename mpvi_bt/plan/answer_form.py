@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 from mpvi_bt.language.chat import Schema
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.schema import Manipulation, Plan, Segment
 
 # Of one enumeration. OpenAI, Structured outputs: at most 1000 values in a schema (500 until 2025), whose length is
@@ -27,7 +27,7 @@ _ANY = ("", "any", "both", "either", "none", "null")  # what models say that are
 _KEPT = ("type", "enum", "items", "properties", "anyOf", "additionalProperties")
 
 
-def answer_schema(grounding: Grounding | None = None, task_name: str = "") -> Schema:
+def answer_schema(grounding: PlanningContext | None = None, task_name: str = "") -> Schema:
     """The form of an answer as a JSON Schema.
 
     Our choice, for the sake of servers that know but a part of JSON Schema: no references, no lengths (they are checked

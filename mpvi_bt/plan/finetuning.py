@@ -10,13 +10,13 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 
 from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.prompt import checked_instruction, system_text, user_text
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill
 
 
-def chats(plans: Iterable[tuple[Plan, Grounding | None]], skills: Mapping[str, Skill]) -> Iterator[str]:
+def chats(plans: Iterable[tuple[Plan, PlanningContext | None]], skills: Mapping[str, Skill]) -> Iterator[str]:
     """A line of JSON for every plan with an instruction.
 
     Args:

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from mpvi_bt.errors import FileProblems, ModelError, Problem
-from mpvi_bt.language.json_answer import parse_json
 from mpvi_bt.language.chat import Answer, ChatModel
+from mpvi_bt.language.json_answer import parse_json
 from mpvi_bt.language.thinking import spoken
 from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.answer_form import answer_schema, read_segment
-from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.example_plans import examples
 from mpvi_bt.plan.history import History
+from mpvi_bt.plan.plan_check import plan_problems
 from mpvi_bt.plan.planners import NoPlan, Planned
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.prompt import checked_instruction, conversation, repair, told
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill
@@ -50,7 +50,7 @@ class LanguagePlanner:
         self,
         model: ChatModel,
         skills: Mapping[str, Skill],
-        grounding: Grounding | None = None,
+        grounding: PlanningContext | None = None,
         recorded: Sequence[Plan] = (),
         without: Collection[str] = (),
         last_answer: Path | None = None,
@@ -151,7 +151,7 @@ def checked(
     task_name: str,
     instruction: str,
     skills: Mapping[str, Skill],
-    grounding: Grounding | None = None,
+    grounding: PlanningContext | None = None,
     begins: bool = True,
 ) -> tuple[Plan | None, list[Problem]]:
     """The plan that the data of an answer is, and all that is wrong with it.

@@ -12,7 +12,7 @@ from mpvi_bt.perception.phrases import normalize
 from mpvi_bt.plan.action_like import action_in
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.payloads import Hands
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.plan.skills import Skill, SkillCall
 
@@ -28,7 +28,7 @@ _HAND = re.compile(
 def plan_problems(
     plan: Plan,
     skills: Mapping[str, Skill],
-    grounding: Grounding | None = None,
+    grounding: PlanningContext | None = None,
     marks: Marks = _NO_MARKS,
     begins: bool = True,
 ) -> list[Problem]:
@@ -48,7 +48,7 @@ def plan_problems(
 
 
 def _problems(
-    plan: Plan, skills: Mapping[str, Skill], grounding: Grounding | None, marks: Marks, begins: bool
+    plan: Plan, skills: Mapping[str, Skill], grounding: PlanningContext | None, marks: Marks, begins: bool
 ) -> Iterator[Problem]:
     held = Hands(grounding.hands if grounding else ("left", "right"))
     for i, segment in enumerate(plan.segments):
@@ -78,7 +78,7 @@ def _so(segment: Navigation | Manipulation, call: SkillCall | None) -> str:
     return f", such as {state!r}" if state else ""
 
 
-def _places(segment: Navigation, grounding: Grounding, marks: Marks, i: int) -> Iterator[Problem]:
+def _places(segment: Navigation, grounding: PlanningContext, marks: Marks, i: int) -> Iterator[Problem]:
     known = grounding.room_names
     if segment.room is not None and normalize(segment.room) not in known:
         near = grounding.room_called(segment.room) or nearest(normalize(segment.room), known)

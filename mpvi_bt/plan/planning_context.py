@@ -15,7 +15,7 @@ LONGEST_NAME = 60  # characters
 
 
 @dataclass(frozen=True, eq=False)
-class Grounding:
+class PlanningContext:
     """What is where, and what the robot has: the same that navigation, detectors and policies are given.
 
     Attributes:

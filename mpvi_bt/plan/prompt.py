@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.language.chat import Message
 from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.planning_context import Grounding
+from mpvi_bt.plan.planning_context import PlanningContext
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skill_phrases import example
 from mpvi_bt.plan.skills import Skill
@@ -80,7 +80,7 @@ def checked_instruction(instruction: str) -> str:
 def conversation(
     instruction: str,
     skills: Mapping[str, Skill],
-    grounding: Grounding | None = None,
+    grounding: PlanningContext | None = None,
     examples: Sequence[Plan] = (),
     situation: str = "",
 ) -> list[Message]:
@@ -99,7 +99,7 @@ def conversation(
     return [*messages, Message("user", user_text(instruction, situation))]
 
 
-def system_text(skills: Mapping[str, Skill], grounding: Grounding | None) -> str:
+def system_text(skills: Mapping[str, Skill], grounding: PlanningContext | None) -> str:
     """The rules, the robot's hands and skills, and the house."""
     hands = grounding.hands if grounding else ("left", "right")
     lines = [_RULES, f"The robot's hands: {', '.join(hands)}.", "Its skills, and how each is asked for:"]

@@ -66,7 +66,7 @@ def felt_again(state: Array, base_pose: Array, arm_velocity: Array, robot: str) 
     )
 
 
-class Demonstration(Watcher):
+class DemonstrationRecorder(Watcher):
     """Subscriber that writes a folder: `frames.npz`, a video of each camera, and `episode.json` once all is there.
 
     A row holds what is felt and seen before a control step, and the action that the step carries out. Each picture is

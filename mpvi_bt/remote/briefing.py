@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from mpvi_bt.errors import UserError, shown
-from mpvi_bt.remote.dialect_settings import Constant, Settings
+from mpvi_bt.remote.dialect_settings import Constant, DialectSettings
 from mpvi_bt.remote.prompts import prompt_of
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.retargeting import check_like_r1pro
 
 
-def briefed(settings: Settings, task: str | None, number: int | None) -> Settings:
+def briefed(settings: DialectSettings, task: str | None, number: int | None) -> DialectSettings:
     """The settings with all that they need of a task filled in, as constants.
 
     Args:
@@ -42,7 +42,7 @@ def briefed(settings: Settings, task: str | None, number: int | None) -> Setting
     return settings.model_copy(update={"observation": observation.model_copy(update=filled)})
 
 
-def check_robot(settings: Settings, robot: RobotModel) -> None:
+def check_robot(settings: DialectSettings, robot: RobotModel) -> None:
     """Raise UserError where the settings are of a body that the robot does not have."""
     observation, action = settings.observation, settings.action
     vectors = list(observation.state.values()) if observation is not None else []

@@ -77,7 +77,7 @@ def size_of(part: str) -> int:
     return next(n for name, n in _SIZES.items() if part.startswith(name))
 
 
-class Piece(Record):
+class PartPlace(Record):
     """A part of ours and its place among their numbers: ours = scale * theirs + offset.
 
     Attributes:
@@ -93,7 +93,7 @@ class Piece(Record):
     offset: Numbers = 0.0
 
     @model_validator(mode="after")
-    def _fits(self) -> Piece:
+    def _fits(self) -> PartPlace:
         size = size_of(self.part)
         for name in ("at", "scale", "offset"):
             value = getattr(self, name)
@@ -109,7 +109,7 @@ class Piece(Record):
         return self.at if isinstance(self.at, tuple) else tuple(range(self.at, self.at + size_of(self.part)))
 
 
-class FeltPiece(Piece):
+class FeltPiece(PartPlace):
     """A part of what the robot feels.
 
     Attributes:
@@ -122,13 +122,13 @@ class FeltPiece(Piece):
     function: Literal["sin", "cos"] | None = None
 
 
-class CommandedPiece(Piece):
+class CommandedPiece(PartPlace):
     """A part of the action."""
 
     part: Commanded
 
 
-def _check_places(pieces: tuple[Piece, ...], size: int | None) -> None:
+def _check_places(pieces: tuple[PartPlace, ...], size: int | None) -> None:
     taken: set[int] = set()
     for i, name in _places(pieces):
         if size is not None and i >= size:
@@ -138,7 +138,7 @@ def _check_places(pieces: tuple[Piece, ...], size: int | None) -> None:
         taken.add(i)
 
 
-def _places(pieces: tuple[Piece, ...]) -> Iterator[tuple[int, str]]:
+def _places(pieces: tuple[PartPlace, ...]) -> Iterator[tuple[int, str]]:
     for piece in pieces:
         for i in piece.indices:
             yield i, piece.part
@@ -275,7 +275,7 @@ class Action(Record):
         return self
 
 
-class Settings(Record):
+class DialectSettings(Record):
     """All of a file.
 
     Attributes:
@@ -307,7 +307,7 @@ class Settings(Record):
         return CAMERAS if self.observation is None else self.observation.cameras
 
 
-def load_settings(given: str) -> Settings:
+def load_settings(given: str) -> DialectSettings:
     """Settings by the name of a file in `policies/`, such as "openpi_comet", or by path.
 
     Raises:
@@ -317,10 +317,10 @@ def load_settings(given: str) -> Settings:
     return check_settings(*load_marked(paths.find_or_file("policies", given, "settings of a policy")))
 
 
-def check_settings(data: Any, marks: Marks) -> Settings:
+def check_settings(data: Any, marks: Marks) -> DialectSettings:
     """As `load_settings`, of data that is already loaded. A file of prompts is looked for from their folder on."""
     expect("policy", data, marks)
-    settings = validate_data(data, marks, Settings)
+    settings = validate_data(data, marks, DialectSettings)
     if settings.observation is None or settings.observation.prompts is None:
         return settings
     file = check_prompts(settings.observation.prompts, marks, ("observation", "prompts"))

@@ -27,7 +27,7 @@ Vocabulary = Mapping[str, Iterable[str]]  # name of a thing, as labels of pictur
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class PolicyQuestion:
     """What a message asks of a policy.
 
     Attributes:
@@ -44,7 +44,7 @@ class Question:
 def write_observation(
     observation: Mapping[str, Any], reset: bool = False, vocabulary: Vocabulary | None = None
 ) -> dict[str, Any]:
-    """The message of an observation; see `Question`."""
+    """The message of an observation; see `PolicyQuestion`."""
     body: Proprioception = observation["proprioception"]
     images: Mapping[str, CameraImage] = observation["images"]
     called = {} if vocabulary is None else {"vocabulary": {name: list(words) for name, words in vocabulary.items()}}
@@ -76,7 +76,7 @@ def _write_image(image: CameraImage) -> dict[str, Any]:
     return {**message, "labels": image.labels, "names": {str(id_): name for id_, name in image.names.items()}}
 
 
-def read_observation(message: Any) -> Question:
+def read_observation(message: Any) -> PolicyQuestion:
     """What a message asks.
 
     Raises:
@@ -96,7 +96,7 @@ def read_observation(message: Any) -> Question:
         "proprioception": _read_body(top["proprioception"]),
         "images": {camera: _read_image(camera, image) for camera, image in images.items()},
     }
-    return Question(observation, reset, read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None)
+    return PolicyQuestion(observation, reset, read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None)
 
 
 def read_vocabulary(given: Any) -> Vocabulary:

@@ -17,7 +17,7 @@ import numpy as np
 from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.remote.codec import pack
 from mpvi_bt.remote.connection import KEY, Connection, Lost, one_line
-from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
+from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.wire_mapping import actions_of, message_of, still
 from mpvi_bt.robot.protocol import Proprioception
@@ -49,7 +49,7 @@ def url_of(address: str) -> str:
 
 
 def question(
-    observation: Mapping[str, Any], settings: Settings, fresh: bool, vocabulary: Vocabulary | None = None
+    observation: Mapping[str, Any], settings: DialectSettings, fresh: bool, vocabulary: Vocabulary | None = None
 ) -> dict[str, Any]:
     """The message of an observation: what the settings map, or all of it.
 
@@ -63,7 +63,7 @@ def question(
     return message_of(observation, settings.observation)
 
 
-def cameras_of(message: Mapping[str, Any], settings: Settings, before: tuple[str, ...]) -> tuple[str, ...]:
+def cameras_of(message: Mapping[str, Any], settings: DialectSettings, before: tuple[str, ...]) -> tuple[str, ...]:
     """The cameras whose pictures a server wants next, of those that the settings map; as before if it does not say."""
     wanted = message.get("cameras")
     if isinstance(wanted, list) and all(isinstance(c, str) and c in CAMERAS for c in wanted):
@@ -94,7 +94,9 @@ class OpenpiPolicy:
 
     kind = "openpi"
 
-    def __init__(self, address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> None:
+    def __init__(
+        self, address: str, settings: DialectSettings | str = DEFAULT, vocabulary: Vocabulary | None = None
+    ) -> None:
         self._url = url_of(address)
         self._settings = load_settings(settings) if isinstance(settings, str) else settings
         self._vocabulary = vocabulary

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.remote.connection import one_line
-from mpvi_bt.remote.dialect_settings import Settings
+from mpvi_bt.remote.dialect_settings import DialectSettings
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import cameras_of, question
 from mpvi_bt.remote.wire_mapping import actions_of, still
@@ -43,7 +43,7 @@ class Relay:
         seen: (H, W, 3) uint8, the head's picture of the last question; None if it had none.
     """
 
-    def __init__(self, name: str, settings: Settings, first: Sequence[str] | None = None) -> None:
+    def __init__(self, name: str, settings: DialectSettings, first: Sequence[str] | None = None) -> None:
         self.name, self._settings = name, settings
         self._first = {"cameras": None if first is None else list(first)}
         self.vocabulary: Vocabulary = {}

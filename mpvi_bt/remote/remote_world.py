@@ -27,7 +27,7 @@ _JUMP_M, _JUMP_RAD = 0.3, 0.9
 _START_RAD = 0.05  # a joint that is so near to where robots start was told to be there: gravity bends what it holds
 
 
-class Line(Protocol):
+class RobotConnection(Protocol):
     """The connection to whoever has the robot."""
 
     def exchange(self, actions: Array) -> Reading:
@@ -46,7 +46,7 @@ class RemoteRobot:
         model: What robot it is.
     """
 
-    def __init__(self, model: RobotModel, first: Reading, line: Line) -> None:
+    def __init__(self, model: RobotModel, first: Reading, line: RobotConnection) -> None:
         """Take the first observation."""
         self.model, self._line = model, line
         self._action = _first_command(model, first)
@@ -131,7 +131,7 @@ class RemoteWorld:
         robot: The robot.
     """
 
-    def __init__(self, model: RobotModel, first: Reading, line: Line) -> None:
+    def __init__(self, model: RobotModel, first: Reading, line: RobotConnection) -> None:
         """Begin with an observation, which places the origin where the base is if it does not say where that is."""
         self.robot = RemoteRobot(model, first, line)
         self._line, self._reading = line, first

@@ -16,7 +16,7 @@ from mpvi_bt import __version__
 from mpvi_bt.errors import BadMessage, PolicyError, shown
 from mpvi_bt.remote.codec import array_of, pack
 from mpvi_bt.remote.connection import Connection, one_line
-from mpvi_bt.remote.dialect_settings import Settings
+from mpvi_bt.remote.dialect_settings import DialectSettings
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import OpenpiPolicy, cameras_of, question
 from mpvi_bt.remote.wire_mapping import actions_of, still
@@ -42,7 +42,9 @@ class VlaEvalPolicy(OpenpiPolicy):
 
     kind = "vla_eval"
 
-    def __init__(self, address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> None:
+    def __init__(
+        self, address: str, settings: DialectSettings | str = DEFAULT, vocabulary: Vocabulary | None = None
+    ) -> None:
         super().__init__(address, settings, vocabulary)
         self._number = 0
         self._first = self.cameras

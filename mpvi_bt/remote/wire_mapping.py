@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.errors import PolicyError, shown
 from mpvi_bt.remote.behavior_layout import action_from, camera_poses, encoded
-from mpvi_bt.remote.dialect_settings import Action, Felt, Image, Observation, Piece, Vector
+from mpvi_bt.remote.dialect_settings import Action, Felt, Image, Observation, PartPlace, Vector
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, CameraImage, Proprioception, Side
 from mpvi_bt.robot.retargeting import from_r1pro
 from mpvi_bt.robot.robots import robot_named
@@ -221,7 +221,7 @@ def _checked(given: Any, layout: Action) -> Array:
     return np.array(given, float)  # a copy: what was received is read-only
 
 
-def _converted(theirs: Array, piece: Piece) -> Array:
+def _converted(theirs: Array, piece: PartPlace) -> Array:
     with np.errstate(over="ignore"):
         return theirs[:, list(piece.indices)] * np.array(piece.scale) + np.array(piece.offset)
 

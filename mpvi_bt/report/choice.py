@@ -25,7 +25,7 @@ CHOICE_STYLE = "".join(f"main:has(#only-{k}:checked) :is(.episode, .task):not(.{
 
 
 @dataclass(frozen=True)
-class Choice:
+class ReportChoice:
     """What can be chosen.
 
     Attributes:
@@ -38,7 +38,7 @@ class Choice:
     reasons: dict[str, int]
 
     @classmethod
-    def of(cls, runs: Sequence[Runs]) -> Choice:
+    def of(cls, runs: Sequence[Runs]) -> ReportChoice:
         """Of all episodes that have a result."""
         results = [result for run in runs for result in run.results.values()]
         counted = Counter(code for result in results for code in {reason(failure) for failure in result.failures})

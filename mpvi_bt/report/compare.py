@@ -47,7 +47,7 @@ class TaskPairs:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class MethodComparison:
     """A method beside a baseline.
 
     Attributes:
@@ -77,7 +77,7 @@ class Comparison:
     efforts: dict[str, Estimate | None]
 
 
-def compare(baseline: Runs, method: Runs) -> Comparison | None:
+def compare(baseline: Runs, method: Runs) -> MethodComparison | None:
     """Compare the episodes that both have finished; None if there is none."""
     before, after = baseline.by_key, method.by_key
     shared = {key: (before[key], after[key]) for key in before if key in after}
@@ -90,7 +90,7 @@ def compare(baseline: Runs, method: Runs) -> Comparison | None:
     changes = [pairs.difference.mean for pairs in tasks.values()]
     tables = by_instance((key, (a.q, b.q)) for key, (a, b) in shared.items())
     matched = [(a, b) for a, b in shared.values() if a.q > 0 and abs(a.q - b.q) < SAME_Q]
-    return Comparison(
+    return MethodComparison(
         baseline=baseline.method,
         method=method.method,
         overall=_pairs(shared),

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mpvi_bt.episode.result import Failure, Result
+from mpvi_bt.episode.result import FailureRecord, Result
 
 # What a policy gave up of stands in the evidence: "pick: no_grasp", with what its candidates died of in brackets, and
 # behind a semicolon what the checker said no to; of a timeout, "manipulate (pick: no_grasp)".
@@ -58,7 +58,7 @@ def count_failures(results: Iterable[Result]) -> Failures:
     return Failures(episodes, *(dict(_ranked(c)) for c in (reasons, failed_with, ended, unmet)))
 
 
-def reason(failure: Failure) -> str:
+def reason(failure: FailureRecord) -> str:
     """A failure's reason code, with what the policy gave up of where it says so, as in "timeout (pick: no_grasp)"."""
     said = _GAVE_UP.get(failure.reason)
     gave_up = said.search(failure.feedback) if said else None

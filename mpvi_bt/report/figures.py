@@ -12,7 +12,7 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.queries import queries_text
 from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.report.compare import Comparison, compare
+from mpvi_bt.report.compare import MethodComparison, compare
 from mpvi_bt.report.failures import Failures, count_failures
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.runs import MEASURES, Runs, by_instance
@@ -110,7 +110,7 @@ class Figures:
     about: str
     methods: list[MethodFigures]
     baseline: str
-    comparisons: list[Comparison]
+    comparisons: list[MethodComparison]
     level: float
     resamples: int
     paper: dict[str, dict[str, float]]

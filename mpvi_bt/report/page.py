@@ -16,7 +16,7 @@ from mpvi_bt.errors import MpviError
 from mpvi_bt.house.house import House, load_house
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.report import tables as t
-from mpvi_bt.report.choice import CHOICE_STYLE, Choice
+from mpvi_bt.report.choice import CHOICE_STYLE, ReportChoice
 from mpvi_bt.report.episode_map import house_symbol
 from mpvi_bt.report.episodes import episode_html
 from mpvi_bt.report.figures import Figures
@@ -113,11 +113,11 @@ def _sections(
     yield "Failures", "".join(failures)
     yield "Parts", _table(t.settings_table(figures), titled=False) + _filled(t.wall_table(figures))
     yield "Missing", _filled(t.missing_table(figures), titled=False)
-    choice = Choice.of(runs)
+    choice = ReportChoice.of(runs)
     yield "Episodes", choice.html + "".join(_episodes(run, houses, page, choice) for run in runs if run.results)
 
 
-def _episodes(runs: Runs, houses: Mapping[str, House], page: Path | None, choice: Choice) -> str:
+def _episodes(runs: Runs, houses: Mapping[str, House], page: Path | None, choice: ReportChoice) -> str:
     parts = []
     for task in runs.tasks:
         done = [config for config in runs.episodes if config.task_name == task and config in runs.results]

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 
-from mpvi_bt.report.compare import SAME_Q, Comparison, TaskPairs
+from mpvi_bt.report.compare import SAME_Q, MethodComparison, TaskPairs
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.plot_svg import Drawing, method_colors
 
@@ -17,7 +17,7 @@ _BAR, _GAP, _PANEL, _AXIS, _SPARE = 16.0, 4.0, 112.0, 150.0, 26.0
 _Bar = tuple[Group | None, list[float], float | None]  # of a method, its points, and the paper's mean
 
 
-def improvement_plot(comparison: Comparison, width: int = WIDE, alone: bool = False) -> str:
+def improvement_plot(comparison: MethodComparison, width: int = WIDE, alone: bool = False) -> str:
     """Each task's difference of q, sorted: gains blue, regressions red, hatched where the baseline had nothing.
 
     Paper, Experiments: the figure of task progress over the baseline.

@@ -18,7 +18,7 @@ _MOST = 4  # files that a note names
 
 
 @dataclass(frozen=True)
-class Part:
+class SuiteFolder:
     """The results in one folder.
 
     Attributes:
@@ -36,14 +36,14 @@ class Part:
     faults: Mapping[EpisodeConfig, Fault]
 
     @classmethod
-    def read(cls, suite: str, store: Store, episodes: Sequence[EpisodeConfig]) -> Part:
+    def read(cls, suite: str, store: Store, episodes: Sequence[EpisodeConfig]) -> SuiteFolder:
         """What is there now. Raises UserError if it is of another configuration."""
         results = {c: r for c in episodes if (r := store.result(c)) is not None}
         faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
         return cls(suite, store, episodes, results, faults)
 
 
-def together(parts: Sequence[Part]) -> list[Runs]:
+def together(parts: Sequence[SuiteFolder]) -> list[Runs]:
     """The methods of all parts in order; where two have the same name, all are named after their folders, too.
 
     Raises:
@@ -68,7 +68,7 @@ def together(parts: Sequence[Part]) -> list[Runs]:
     ]
 
 
-def notes(parts: Sequence[Part]) -> list[str]:
+def notes(parts: Sequence[SuiteFolder]) -> list[str]:
     """What is to be known of results that stand side by side: where they are, and in what they were not made alike."""
     if len(parts) < 2:
         return []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mpvi_bt.drawing.endings import ENDED
 from mpvi_bt.instances.human import Human, human_stats
-from mpvi_bt.report.compare import Comparison
+from mpvi_bt.report.compare import MethodComparison
 from mpvi_bt.report.failures import Failures
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.paper import MATCHED, RELATIVE, paper_scores
@@ -147,7 +147,7 @@ def efficiency_table(figures: Figures, task: str | None = None) -> Table:
     return Table("" if task is None else task, head, rows)
 
 
-def comparison_text(found: Comparison) -> str:
+def comparison_text(found: MethodComparison) -> str:
     """A comparison in a few sentences."""
     pairs, whole = found.overall, found.relative
     count = f"{pairs.pairs} episode{'s' * (pairs.pairs != 1)}"
@@ -166,7 +166,7 @@ def comparison_text(found: Comparison) -> str:
     return text
 
 
-def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
+def comparisons_table(comparisons: Sequence[MethodComparison]) -> Table:
     """Each comparison in a row."""
     rows = [
         [c.method, c.baseline, str(c.overall.pairs), f"{c.overall.method:.3f}", f"{c.overall.baseline:.3f}",
@@ -178,7 +178,7 @@ def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
     return Table("Methods compared", head, rows, chance_note(comparisons))
 
 
-def chance_note(comparisons: Sequence[Comparison]) -> str:
+def chance_note(comparisons: Sequence[MethodComparison]) -> str:
     """How p comes about."""
     exact = all(c.chance.exact for c in comparisons)
     how = "every choice of signs" if exact else f"{FLIPS} choices of signs, or all where they are fewer"
@@ -188,7 +188,7 @@ def chance_note(comparisons: Sequence[Comparison]) -> str:
     )
 
 
-def comparison_table(found: Comparison) -> Table:
+def comparison_table(found: MethodComparison) -> Table:
     """A comparison task by task, the greatest gains first."""
     rows = [
         [task, str(p.pairs), f"{p.baseline:.3f}", f"{p.method:.3f}", told(p.difference),
@@ -199,7 +199,7 @@ def comparison_table(found: Comparison) -> Table:
     return Table(f"{found.method} less {found.baseline}", head, rows)
 
 
-def effort_table(comparisons: Sequence[Comparison]) -> Table:
+def effort_table(comparisons: Sequence[MethodComparison]) -> Table:
     """By how much efforts differ where both methods came equally far."""
     names = list(comparisons[0].efforts) if comparisons else []
     rows = [
@@ -286,7 +286,7 @@ def direction_table() -> Table:
     return Table("Measures", ["measure", "unit", "better", "key in JSON"], rows, note)
 
 
-def _as_in_the_paper(found: Comparison) -> bool:
+def _as_in_the_paper(found: MethodComparison) -> bool:
     """Whether the paper compares these two, and on tasks of which all that were played are."""
     theirs = paper_scores().get("mpvi", {}).keys()
     return (found.baseline, found.method) == ("e2e", "mpvi") and found.tasks.keys() <= theirs

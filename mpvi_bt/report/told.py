@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # what they load is slower than the help of these commands sh
     from mpvi_bt.episode.result import Result
     from mpvi_bt.report.figures import Figures
     from mpvi_bt.report.runs import Runs
-    from mpvi_bt.report.several import Part
+    from mpvi_bt.report.several import SuiteFolder
     from mpvi_bt.suite.store import Store
 
 
@@ -33,7 +33,7 @@ class Told:
     stores: list[Store]
 
     @classmethod
-    def of(cls, parts: Sequence[Part], suites: Iterable[str] = (), baseline: str | None = None) -> Told:
+    def of(cls, parts: Sequence[SuiteFolder], suites: Iterable[str] = (), baseline: str | None = None) -> Told:
         """Compute the figures.
 
         Args:

@@ -51,7 +51,7 @@ _JUDGED_EVERY = 15  # steps. Our choice: theirs judges every step, which takes l
 
 
 @dataclass(frozen=True)
-class Session:
+class Evaluation:
     """What is evaluated.
 
     Attributes:
@@ -85,7 +85,7 @@ class Session:
     out: Path | None = None
 
 
-class Listener(Protocol):
+class EvaluationListener(Protocol):
     """Is told how it goes."""
 
     def said(self, line: str) -> None:
@@ -119,7 +119,7 @@ class Rollout:
     result: Mapping[str, Any]
 
 
-def evaluate(session: Session, listener: Listener) -> list[Rollout]:
+def evaluate(session: Evaluation, listener: EvaluationListener) -> list[Rollout]:
     """Run every instance over one connection.
 
     Raises:
@@ -148,7 +148,9 @@ def _human_steps(task: Task) -> float:
     return human.steps if human else task.budget_s * CONTROL_HZ / 2
 
 
-def _rollout(session: Session, task: Task, instance: int, most: int, server: _Server, listener: Listener) -> Rollout:
+def _rollout(
+    session: Evaluation, task: Task, instance: int, most: int, server: _Server, listener: EvaluationListener
+) -> Rollout:
     house, catalogue = load_house(task.house), load_catalogue()
     problem = expanded_problem(task, house)
     listener.said(f"{session.task}, instance {instance}: setting up")
@@ -192,7 +194,7 @@ def _rollout(session: Session, task: Task, instance: int, most: int, server: _Se
     return Rollout(session.task, instance, goal, ended, result)
 
 
-def _result(session: Session, instance: int, goal: GoalReport, measured: Any, human: Human | None) -> dict[str, Any]:
+def _result(session: Evaluation, instance: int, goal: GoalReport, measured: Any, human: Human | None) -> dict[str, Any]:
     """In the layout of the evaluator's files; null where it writes a figure that JSON does not have."""
     distance: dict[str, float] = {"base": measured.base_m} | {str(side): m for side, m in measured.hand_world_m.items()}
     means: dict[str, float] = (
@@ -217,7 +219,7 @@ def _result(session: Session, instance: int, goal: GoalReport, measured: Any, hu
 class _Writer:
     """Makes the observations of a world."""
 
-    def __init__(self, session: Session, task: Task, world: World, vocabulary: Mapping[str, Iterable[str]]) -> None:
+    def __init__(self, session: Evaluation, task: Task, world: World, vocabulary: Mapping[str, Iterable[str]]) -> None:
         self._session, self._task, self._world = session, task, world
         self._vocabulary: Mapping[str, Iterable[str]] | None = vocabulary
         human = human_stats().get(task.problem)
@@ -253,7 +255,7 @@ class _Writer:
 class _Server:
     """The connection."""
 
-    def __init__(self, session: Session, listener: Listener) -> None:
+    def __init__(self, session: Evaluation, listener: EvaluationListener) -> None:
         self._session, self._listener = session, listener
         self._url = url_of(session.address)
         self._left = _RECONNECTS[session.dialect]

@@ -43,7 +43,7 @@ DIALECTS: Mapping[str, Dialect] = {dialect.name: dialect for dialect in _SPOKEN}
 
 
 @dataclass(frozen=True)
-class Work:
+class ServedWork:
     """What is to be done, as far as it is said where the server starts.
 
     Attributes:
@@ -58,7 +58,7 @@ class Work:
 
 
 def executive_server(
-    dialect: str, work: Work, api_key: str = "", say: Callable[[str], None] = lambda line: None
+    dialect: str, work: ServedWork, api_key: str = "", say: Callable[[str], None] = lambda line: None
 ) -> SocketServer:
     """The whole executive behind a socket; each client has its own.
 
@@ -98,7 +98,7 @@ def check_robot(dialect: str, robot: str) -> None:
         raise UserError(f"{dialect} is of BEHAVIOR's R1Pro, not of the {robot}: choose --robot r1pro.")
 
 
-def play(work: Work, first: Reading, world: RemoteWorld, number: int, say: Callable[[str], None]) -> str:
+def play(work: ServedWork, first: Reading, world: RemoteWorld, number: int, say: Callable[[str], None]) -> str:
     """Play one episode; how it ended, in a line.
 
     Args:
@@ -146,7 +146,9 @@ def _told(outcome: Outcome, prepared: Prepared) -> str:
     return f"{outcome.told(prepared.spec)}{why}"
 
 
-def prepared_for(work: Work, first: Reading | None, tell: Callable[[str], None]) -> tuple[EpisodeConfig, Prepared]:
+def prepared_for(
+    work: ServedWork, first: Reading | None, tell: Callable[[str], None]
+) -> tuple[EpisodeConfig, Prepared]:
     """The config of an episode, and what it is about to run.
 
     What is said where the server starts comes first, then the number of the task, then the instruction.

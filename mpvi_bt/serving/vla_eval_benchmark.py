@@ -19,10 +19,10 @@ from vla_eval.specs import IMAGE_RGB, LANGUAGE, RAW, DimSpec
 from mpvi_bt import paths
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.methods import load_method
-from mpvi_bt.choices.policies import Ground, settings_for
+from mpvi_bt.choices.policies import PolicyInputs, settings_for
 from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.instances.tasks import Task, load_task
-from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
+from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.remote.relay import Relay
 from mpvi_bt.remote.vla_eval import DEFAULT
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
@@ -32,7 +32,7 @@ _HOLD = {"hold": True}  # in the place of an answer that has not come yet
 _ICD = "MPVI_LAVAPIPE_ICD"  # environment variable: where Mesa's renderer is, if vla-eval does not find it
 
 
-def action_spec(settings: Settings) -> dict[str, DimSpec]:
+def action_spec(settings: DialectSettings) -> dict[str, DimSpec]:
     """What actions are: the 23 numbers in our order and units, or those of BEHAVIOR's R1Pro where settings map them."""
     if settings.action.parts or settings.action.dialect:
         said = settings.about
@@ -47,7 +47,7 @@ def action_spec(settings: Settings) -> dict[str, DimSpec]:
     return parts
 
 
-def observation_spec(settings: Settings) -> dict[str, DimSpec]:
+def observation_spec(settings: DialectSettings) -> dict[str, DimSpec]:
     """What observations are; of the whole observation one entry that says so."""
     layout = settings.observation
     if layout is None:
@@ -250,7 +250,7 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         from mpvi_bt.episode.episode import run  # loads the simulator, which the choice of a renderer comes before
         from mpvi_bt.episode.result import write_result
 
-        def make(ground: Ground) -> Relay:
+        def make(ground: PolicyInputs) -> Relay:
             relay.vocabulary = ground.vocabulary
             return relay
 

@@ -23,7 +23,7 @@ _STEP_S = 1 / 120  # of physics: contacts tell impulses
 _TURNED = pose((0.0, 0.0, 0.0), np.pi)
 
 
-class Cutting:
+class Blades:
     """What blades do to the things of a world."""
 
     def __init__(

@@ -13,7 +13,7 @@ from mpvi_bt.house.house import House
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.things.catalogue import Entry
-from mpvi_bt.things.description import Body, Color, Description, Part, Parts, Skin
+from mpvi_bt.things.description import Color, Description, Part, PartsOfBody, RigidBody, Skin
 from mpvi_bt.things.meshes import faceted, meshes
 
 _FIXED_BIT = 16  # of collision group 2: what never moves need not be tested against what never moves
@@ -189,11 +189,11 @@ def build_house(scene: sapien.Scene, house: House, render: bool) -> dict[str, Th
     things = {}
     for room in house.rooms.values():
         name = f"floor_{room.name}"
-        floor = Description((Body("body", (Part(room.floor, room.floor_color),)),))
+        floor = Description((RigidBody("body", (Part(room.floor, room.floor_color),)),))
         things[name] = builder.static(name, "floor.n.01", floor, np.eye(4), 0.5)
     for room_name in dict.fromkeys(wall.room for wall in house.walls):
         name = f"wall_{room_name}"
-        parts = Parts([Part(wall.solid, wall.color) for wall in house.walls if wall.room == room_name])
+        parts = PartsOfBody([Part(wall.solid, wall.color) for wall in house.walls if wall.room == room_name])
         outdoors = room_name in house.rooms and house.rooms[room_name].outdoors
         things[name] = builder.static(name, "hedge.n.01" if outdoors else "wall.n.01", parts.thing(), np.eye(4), 0.5)
     for fixture in house.fixtures.values():
@@ -295,7 +295,7 @@ class _Builder:
         entities = {body: link.entity for body, link in links.items()}
         return Thing(name, synset, description, entities, articulation, not fixed, _joints=joints)
 
-    def _add(self, builder: sapien.ActorBuilder, body: Body, friction: float, density: float = 1000.0) -> None:
+    def _add(self, builder: sapien.ActorBuilder, body: RigidBody, friction: float, density: float = 1000.0) -> None:
         """Add a body's collision shapes."""
         handles = [handle.center for handle in body.handles]
         for part in body.parts:
@@ -314,7 +314,7 @@ class _Builder:
                     builder.add_sphere_collision(pose, half[0], material=surface, density=density)
 
     def _add_hulls(
-        self, component: sapien.physx.PhysxRigidBaseComponent, body: Body, friction: float, density: float = 1000.0
+        self, component: sapien.physx.PhysxRigidBaseComponent, body: RigidBody, friction: float, density: float = 1000.0
     ) -> None:
         """Add what SAPIEN's builders take from files only: a body's convex parts."""
         for part in body.parts:
@@ -326,7 +326,7 @@ class _Builder:
             shape.set_density(density)
             component.attach(shape)
 
-    def _show(self, entity: sapien.Entity, body: Body) -> None:
+    def _show(self, entity: sapien.Entity, body: RigidBody) -> None:
         """Give an entity what cameras see of a body."""
         if not self.render:
             return

@@ -41,7 +41,7 @@ _DRAWS = 40  # of a place for each mark
 
 
 @dataclass(frozen=True)
-class Tools:
+class MarkTools:
     """What changes marks, by the names of things.
 
     Attributes:
@@ -58,7 +58,7 @@ class Tools:
 class Marking:
     """What sits on the things of a world."""
 
-    def __init__(self, things: Mapping[str, Thing], tools: Tools) -> None:
+    def __init__(self, things: Mapping[str, Thing], tools: MarkTools) -> None:
         """Everything is clean. `things` are all that there are, by name."""
         self._things, self._tools = things, tools
         self._ran = dict.fromkeys(tools.washers, False)

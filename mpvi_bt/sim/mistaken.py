@@ -16,7 +16,7 @@ from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Door
-from mpvi_bt.sim.noise import Standing
+from mpvi_bt.sim.noise import StandingError
 from mpvi_bt.sim.world import World
 from mpvi_bt.things.description import Handle
 
@@ -32,7 +32,7 @@ class MistakenTruth:
         """Shift things by errors of a standard deviation along x and along y [m]; heights are true."""
         self._world = world
         self._errors = {
-            name: Standing(deviation_m, np.random.default_rng([seed, zlib.crc32(name.encode())]))
+            name: StandingError(deviation_m, np.random.default_rng([seed, zlib.crc32(name.encode())]))
             for name in (*world.objects, *world.house.fixtures)
         }
         self._held: tuple[int, set[str]] | None = None

@@ -31,7 +31,7 @@ class _Joint:
     drive: sapien.physx.PhysxDriveComponent
 
 
-class Mounting:
+class Mounts:
     """What is mounted on what."""
 
     def __init__(

@@ -81,7 +81,7 @@ class NoisyRobot:
         self.mounts: Mapping[str, Array] = {camera: _mount(errors, fixed) for camera in own.cameras}
         self._true = felt.base_pose
         self._believed = self._true.copy()
-        self._standing = Standing(errors.offset_m, places)
+        self._standing = StandingError(errors.offset_m, places)
 
     @property
     def action(self) -> Array:
@@ -139,7 +139,7 @@ class NoisyRobot:
         return np.where(holes | (depth <= 0), 0.0, noisy).astype(np.float32)
 
 
-class Standing:
+class StandingError:
     """An error of position that lasts as long as the base stands where it is."""
 
     def __init__(self, deviation_m: float, rng: np.random.Generator) -> None:

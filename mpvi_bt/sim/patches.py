@@ -12,7 +12,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid, bounds, pose
 from mpvi_bt.sim.builder import Thing
-from mpvi_bt.things.description import Parts
+from mpvi_bt.things.description import PartsOfBody
 
 _SIDE_M = 0.7  # Our choice: a robot sweeps a patch of this side in minutes, all of a garden in hours
 _HIGH_M = 0.002
@@ -41,7 +41,7 @@ def patch_of(
     for _ in range(_DRAWS):
         xy = rng.uniform(low[:2] + _ROOM_M, high[:2] - _ROOM_M)
         if norm(xy - near) < _NEAR_M and not obstacles(xy, _ROOM_M):
-            parts = Parts()
+            parts = PartsOfBody()
             parts.box((0.0, 0.0, _HIGH_M / 2), (_SIDE_M, _SIDE_M, _HIGH_M), (0.0, 0.0, 0.0))
             entity = sapien.Entity()
             entity.set_pose(sapien.Pose(pose((*xy.tolist(), float(high[2])))))

@@ -11,7 +11,7 @@ from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.views import look_at
 from mpvi_bt.things.catalogue import Entry
-from mpvi_bt.things.description import Parts
+from mpvi_bt.things.description import PartsOfBody
 
 _FLOOR = (0.93, 0.92, 0.9)
 _AJAR = 0.45  # of its way: a door or lid, so that one sees what it is, and what is behind
@@ -41,7 +41,7 @@ def portrait(entry: Entry, size: tuple[int, int] = (320, 240)) -> np.ndarray:
     boxes = np.stack(corners)
     low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
     middle, radius = (low + high) / 2, float(norm(high - low)) / 2
-    floor = Parts()
+    floor = PartsOfBody()
     floor.box((middle[0], middle[1], low[2] - 0.005), (20 * radius, 20 * radius, 0.01), _FLOOR)
     entity = sapien.Entity()
     show(entity, floor.items)

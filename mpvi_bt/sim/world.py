@@ -23,15 +23,15 @@ from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.baking import Baking
+from mpvi_bt.sim.blades import Blades
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.cooking import Cooking
-from mpvi_bt.sim.blades import Cutting
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.looks import Looks
-from mpvi_bt.sim.marking import Marking, Tools
-from mpvi_bt.sim.mounting import Mounting
+from mpvi_bt.sim.marking import Marking, MarkTools
+from mpvi_bt.sim.mounting import Mounts
 from mpvi_bt.sim.patches import patch_of
 from mpvi_bt.sim.presence import Presence
 from mpvi_bt.sim.shaders import new_scene
@@ -123,7 +123,7 @@ class World:
         for name, entry in movable.items():
             if SUBSTANCE in entry.abilities:
                 self._grains.setdefault(entry.synset, []).append(name)
-        tools = Tools(
+        tools = MarkTools(
             {n: e.washes for n, e in entries.items() if e.washes is not None},
             {n: e.removes for n, e in entries.items() if e.removes is not None},
             {n: e.sprays for n, e in entries.items() if e.sprays is not None},
@@ -132,9 +132,9 @@ class World:
         self._looks = Looks(self._scene, self._things, kinds) if render else None
         if self.cameras is not None and self._looks is not None:
             self.cameras.names = {**self.cameras.names, **self._looks.labels}
-        self._mounting = Mounting(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})
+        self._mounting = Mounts(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})
         self._presence = Presence(self._objects, self._things, {n: e.name for n, e in future.items()})
-        self._cutting = Cutting(self._scene, self._presence, movable, self._became)
+        self._cutting = Blades(self._scene, self._presence, movable, self._became)
         self._cooking = Cooking(self._presence, movable, self._became)
         self._baking = Baking(self._presence, movable, self._in_oven, self._became)
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)

@@ -13,7 +13,7 @@ from mpvi_bt.episode.prepare import check_episode
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.suite.manifest import Manifest, make_manifest
 from mpvi_bt.suite.processes import WALL_LIMIT_S, ProcessEngine
-from mpvi_bt.suite.runner import Engine, Listener, Outcome, run_suite
+from mpvi_bt.suite.runner import Engine, RunListener, SuiteOutcome, run_suite
 from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 from mpvi_bt.suite.store import Store
 
@@ -75,7 +75,7 @@ def play(
     title: str,
     store: Store,
     episodes: Sequence[EpisodeConfig],
-    listen: Callable[[Pace], Listener],
+    listen: Callable[[Pace], RunListener],
     *,
     tasks: Sequence[str] = (),
     instances: Sequence[int] = (),
@@ -83,7 +83,7 @@ def play(
     kept: Kept = Kept(),
     calls: int | None = None,
     tokens: int | None = None,
-) -> Outcome:
+) -> SuiteOutcome:
     """Run the episodes that have no result.
 
     Args:

@@ -18,7 +18,7 @@ from mpvi_bt.suite.schedule import Pace
 from mpvi_bt.suite.store import Fault
 
 
-class Progress:
+class SuiteProgress:
     """Listens to a run and writes how it goes.
 
     Args:

@@ -53,7 +53,7 @@ class Engine(Protocol):
         ...
 
 
-class Listener(Protocol):
+class RunListener(Protocol):
     """Is told how a run goes."""
 
     def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
@@ -86,7 +86,7 @@ class Listener(Protocol):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SuiteOutcome:
     """How the episodes of a suite stand, in their order."""
 
     episodes: list[EpisodeConfig]
@@ -98,10 +98,10 @@ def run_suite(
     episodes: Iterable[EpisodeConfig],
     store: Store,
     engine: Engine,
-    listener: Listener,
+    listener: RunListener,
     order: Callable[[Sequence[EpisodeConfig]], Iterable[EpisodeConfig]] = iter,
     manifest: Manifest | None = None,
-) -> Outcome:
+) -> SuiteOutcome:
     """Run every episode that has no valid result yet.
 
     Args:
@@ -140,13 +140,13 @@ def run_suite(
         finally:
             listener.end()
         results |= run.results
-    return Outcome(episodes, {c: results[c] for c in episodes if c in results}, run.faults)
+    return SuiteOutcome(episodes, {c: results[c] for c in episodes if c in results}, run.faults)
 
 
 class _Run:
     """One engine's work."""
 
-    def __init__(self, store: Store, listener: Listener, engine: Engine) -> None:
+    def __init__(self, store: Store, listener: RunListener, engine: Engine) -> None:
         self.store, self.listener, self.engine = store, listener, engine
         self.results: dict[EpisodeConfig, Result] = {}
         self.faults: dict[EpisodeConfig, Fault] = {}

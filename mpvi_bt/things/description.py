@@ -126,7 +126,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class RigidBody:
     """One rigid body.
 
     Attributes:
@@ -165,10 +165,10 @@ class Body:
 class Description:
     """A thing: its first body is the root, every other one is joined to it."""
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[RigidBody, ...]
 
     @property
-    def root(self) -> Body:
+    def root(self) -> RigidBody:
         """The first body."""
         return self.bodies[0]
 
@@ -212,7 +212,7 @@ def switch(center: Vector, outward: Axis, closed_only: bool = False) -> Switch:
 
 
 @dataclass
-class Parts:
+class PartsOfBody:
     """Collects the parts of one body."""
 
     items: list[Part] = field(default_factory=list)
@@ -250,9 +250,9 @@ class Parts:
         joint: Joint | None = None,
         switches: tuple[Switch, ...] = (),
         blades: tuple[Solid, ...] = (),
-    ) -> Body:
+    ) -> RigidBody:
         """The body that has these parts."""
-        return Body(name, tuple(self.items), volumes, handles, joint, switches, blades=blades)
+        return RigidBody(name, tuple(self.items), volumes, handles, joint, switches, blades=blades)
 
     def thing(
         self,

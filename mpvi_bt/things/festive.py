@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.things.description import Color, Description, Parts
+from mpvi_bt.things.description import Color, Description, PartsOfBody
 from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
 
 _STEM: Color = (0.36, 0.42, 0.18)
@@ -18,7 +18,7 @@ _GOLDEN_ANGLE = 2.4  # between balls that hang around a tree: no two above one a
 
 def pumpkin(*, diameter_m: Length, color: Rgb, lobes: Count = 8) -> Description:
     """Round lobes about a flat foot, with a stem."""
-    parts = Parts()
+    parts = PartsOfBody()
     lobe = 0.68 * diameter_m
     for angle in np.arange(lobes) * (2 * np.pi / lobes):
         away = (diameter_m - lobe) / 2
@@ -30,7 +30,7 @@ def pumpkin(*, diameter_m: Length, color: Rgb, lobes: Count = 8) -> Description:
 
 def christmas_tree(*, size_m: Size, color: Rgb, pot_color: Rgb, tiers: Count = 9) -> Description:
     """A fir whose branches reach nearly to the ground, in a pot, with balls and a star."""
-    parts = Parts()
+    parts = PartsOfBody()
     broad, z = min(size_m[:2]), size_m[2]
     pot = 0.045 * z
     parts.cylinder((0, 0, pot / 2), 0.5 * broad, pot, pot_color)
@@ -52,7 +52,7 @@ def christmas_tree(*, size_m: Size, color: Rgb, pot_color: Rgb, tiers: Count = 9
 
 def wreath(*, diameter_m: Length, thick_m: Length, color: Rgb, sides: Count = 12) -> Description:
     """A ring of twigs, lying, with berries and a bow."""
-    parts = Parts()
+    parts = PartsOfBody()
     away = (diameter_m - thick_m) / 2
     twig = diameter_m * float(np.tan(np.pi / sides))
     for angle in np.arange(sides) * (2 * np.pi / sides):
@@ -69,7 +69,7 @@ def wreath(*, diameter_m: Length, thick_m: Length, color: Rgb, sides: Count = 12
 
 def gift_box(*, size_m: Size, color: Rgb, ribbon_color: Rgb) -> Description:
     """A closed box with a ribbon around it both ways and a bow on top."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     thin, wide = 0.002, 0.2
     parts.box((0, 0, z / 2), size_m, color)
@@ -82,7 +82,7 @@ def gift_box(*, size_m: Size, color: Rgb, ribbon_color: Rgb) -> Description:
 
 def candy_cane(*, length_m: Length, thick_m: Length, color: Rgb, stripe_color: Rgb, stripes: Count = 5) -> Description:
     """A striped stick with a crook at its end, lying."""
-    parts = Parts()
+    parts = PartsOfBody()
     crook = 1.6 * thick_m
     straight = length_m - thick_m
     each = straight / stripes

@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 
 from mpvi_bt.robot.solids import box
-from mpvi_bt.things.description import Color, Description, Parts, switch
+from mpvi_bt.things.description import Color, Description, PartsOfBody, switch
 from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
 
 _STEEL: Color = (0.78, 0.79, 0.8)
@@ -26,7 +26,7 @@ def table(
     leg_m: Length = 0.05, shelf_z_m: Length | None = None,
 ) -> Description:  # fmt: skip
     """A top on four legs, with a lower shelf if it has one."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     legs = leg_color or color
     if round_top:
@@ -46,7 +46,7 @@ def table(
 
 def chair(*, size_m: Size, color: Rgb, leg_color: Rgb | None = None, seat_z_m: Length = 0.46) -> Description:
     """A seat on four legs with a back; `size_m` includes the back."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     legs = leg_color or color
     parts.box((0, 0, seat_z_m - 0.02), (x, y, 0.04), color)
@@ -62,7 +62,7 @@ def chair(*, size_m: Size, color: Rgb, leg_color: Rgb | None = None, seat_z_m: L
 
 def swivel_chair(*, size_m: Size, color: Rgb, seat_z_m: Length = 0.48) -> Description:
     """An office chair on a star foot."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, seat_z_m - 0.035), (x, y, 0.07), color)
     parts.box((-x / 2 + 0.025, 0, (seat_z_m + z) / 2 + 0.04), (0.05, y * 0.9, z - seat_z_m - 0.08), color)
@@ -76,7 +76,7 @@ def swivel_chair(*, size_m: Size, color: Rgb, seat_z_m: Length = 0.48) -> Descri
 
 def sofa(*, size_m: Size, color: Rgb, cushion_color: Rgb | None = None, seats: Count = 2) -> Description:
     """A seat with arm rests, a back and one cushion a seat."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     arm, back, seat = 0.16, 0.2, 0.42
     parts.box((0, 0, 0.15), (x, y, 0.18), color)
@@ -95,7 +95,7 @@ def sofa(*, size_m: Size, color: Rgb, cushion_color: Rgb | None = None, seats: C
 
 def bed(*, size_m: Size, color: Rgb, blanket_color: Rgb, pillows: Count = 1, legs_m: Length = 0.08) -> Description:
     """A frame with a mattress, blanket, pillows and a head board at the back; `size_m` z is the mattress's top."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, (z - 0.2 + legs_m) / 2), (x, y, z - 0.2 - legs_m), color)
     parts.box((0.02, 0, z - 0.1), (x - 0.08, y - 0.06, 0.2), _WHITE)
@@ -116,7 +116,7 @@ def shelf(
     open_back: bool = False,
 ) -> Description:  # fmt: skip
     """An open shelf or bookcase with that many boards, the lowest and the top board among them."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     for j in (-1, 1):
         parts.box((0, j * (y - wall_m) / 2, z / 2), (x, wall_m, z), color)
@@ -134,7 +134,7 @@ def shelf(
 
 def hallstand(*, size_m: Size, color: Rgb, back_color: Rgb) -> Description:
     """Two slatted racks for shoes, a back with coat hooks and a hat shelf."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((-x / 2 + 0.01, 0, z / 2), (0.02, y, z), back_color)
     for j in (-1, 1):
@@ -150,7 +150,7 @@ def hallstand(*, size_m: Size, color: Rgb, back_color: Rgb) -> Description:
 
 def countertop(*, size_m: Size, color: Rgb, top_m: Length = 0.04, splash_color: Rgb | None = None) -> Description:
     """A work surface alone, resting on the cabinets and appliances below it; its underside is at z = height - top."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z - top_m / 2), (x, y, top_m), color)
     if splash_color is not None:
@@ -162,7 +162,7 @@ def counter(
     *, size_m: Size, color: Rgb, top_color: Rgb, units: Count = 2, top_m: Length = 0.04, splash_color: Rgb | None = None
 ) -> Description:
     """A work surface on a closed base whose fronts are only drawn."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z - top_m / 2), (x, y, top_m), top_color)
     parts.box((-0.02, 0, (0.1 + z - top_m) / 2), (x - 0.04, y, z - top_m - 0.1), color)
@@ -178,7 +178,7 @@ def sink(*, size_m: Size, color: Rgb, top_color: Rgb, basin_m: Size, pedestal: b
 
     It stands on a closed base, or on a slim `pedestal` with free floor around it.
     """
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     bx, by, bz = basin_m
     top, wall = 0.04, 0.012
@@ -206,7 +206,7 @@ def sink(*, size_m: Size, color: Rgb, top_color: Rgb, basin_m: Size, pedestal: b
 
 def stove(*, size_m: Size, color: Rgb, burner_color: Rgb = _DARK) -> Description:
     """A cooktop with four burners and knobs at its front, one of which is its switch."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, color)
     for i, j in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
@@ -219,7 +219,7 @@ def stove(*, size_m: Size, color: Rgb, burner_color: Rgb = _DARK) -> Description
 
 def fireplace(*, size_m: Size, color: Rgb, mantel_color: Rgb, hearth_m: Size) -> Description:
     """A chimney breast with an open hearth and a mantel shelf."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     hx, hy, hz = hearth_m
     side = (y - hy) / 2
@@ -238,7 +238,7 @@ def fireplace(*, size_m: Size, color: Rgb, mantel_color: Rgb, hearth_m: Size) ->
 
 def bathtub(*, size_m: Size, color: Rgb) -> Description:
     """A tub with a deep basin."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     wall, floor = 0.07, 0.16
     parts.box((0, 0, floor / 2), (x, y, floor), color)
@@ -251,7 +251,7 @@ def bathtub(*, size_m: Size, color: Rgb) -> Description:
 
 def toilet(*, size_m: Size, color: Rgb) -> Description:
     """A bowl with a lid and a cistern at the back."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((-x / 2 + 0.08, 0, (0.38 + z) / 2), (0.16, y, z - 0.38), color)
     parts.box((-0.06, 0, 0.19), (x - 0.2, y * 0.55, 0.38), color)
@@ -262,7 +262,7 @@ def toilet(*, size_m: Size, color: Rgb) -> Description:
 
 def lamp(*, size_m: Size, color: Rgb, pole_color: Rgb = _DARK) -> Description:
     """A floor lamp with a switch at the front of its pole."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, _, z = size_m
     parts.cylinder((0, 0, 0.015), x * 0.8, 0.03, pole_color)
     parts.cylinder((0, 0, z / 2), 0.03, z - 0.04, pole_color)
@@ -272,7 +272,7 @@ def lamp(*, size_m: Size, color: Rgb, pole_color: Rgb = _DARK) -> Description:
 
 def television(*, size_m: Size, color: Rgb = _DARK, screen_color: Rgb = (0.1, 0.12, 0.16)) -> Description:
     """A screen on a low foot, with its switch at the lower right of the frame."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     foot, frame, thick = 0.06, 0.03, 0.035
     parts.box((0, 0, 0.01), (x, y * 0.4, 0.02), color)
@@ -285,7 +285,7 @@ def television(*, size_m: Size, color: Rgb = _DARK, screen_color: Rgb = (0.1, 0.
 
 def plant(*, size_m: Size, color: Rgb, leaf_color: Rgb = _GREEN) -> Description:
     """A pot with a bushy plant."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, _, z = size_m
     pot = min(0.35, z * 0.35)
     parts.cylinder((0, 0, pot / 2), x * 0.7, pot, color)
@@ -299,7 +299,7 @@ def plant(*, size_m: Size, color: Rgb, leaf_color: Rgb = _GREEN) -> Description:
 
 def tree(*, height_m: Length, trunk_m: Length, crown_m: Length, color: Rgb, leaf_color: Rgb = _GREEN) -> Description:
     """A trunk under a round crown."""
-    parts = Parts()
+    parts = PartsOfBody()
     trunk = height_m - crown_m * 0.6
     parts.cylinder((0, 0, trunk / 2), trunk_m, trunk, color)
     parts.sphere((0, 0, height_m - crown_m / 2), crown_m, leaf_color)
@@ -312,14 +312,14 @@ def tree(*, height_m: Length, trunk_m: Length, crown_m: Length, color: Rgb, leaf
 
 def slab(*, size_m: Size, color: Rgb) -> Description:
     """A flat plate on the ground, such as a lawn or a driveway."""
-    parts = Parts()
+    parts = PartsOfBody()
     parts.box((0, 0, size_m[2] / 2), size_m, color)
     return parts.thing()
 
 
 def nail(*, length_m: Length, diameter_m: Length, color: Rgb = _DARK) -> Description:
     """A peg that stands out of a wall; its origin is where it leaves the wall."""
-    parts = Parts()
+    parts = PartsOfBody()
     parts.cylinder((length_m / 2, 0, 0), diameter_m, length_m, color, axis="x")
     parts.cylinder((length_m, 0, 0), diameter_m * 2, 0.004, color, axis="x", collides=False)
     return parts.thing()
@@ -327,7 +327,7 @@ def nail(*, length_m: Length, diameter_m: Length, color: Rgb = _DARK) -> Descrip
 
 def rug(*, size_m: Size, color: Rgb, border_color: Rgb | None = None, collides: bool = False) -> Description:
     """A thin carpet that is only seen: things stand on the floor below it."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, border_color or color, collides=collides)
     if border_color is not None:
@@ -339,7 +339,7 @@ def panel(
     *, size_m: Size, color: Rgb, frame_color: Rgb = _WHITE, frame_m: Length = 0.05, panes: Count = 1
 ) -> Description:
     """A framed panel on a wall that is only seen: a window, a picture, a mirror, a door to the street."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z / 2), (x * 0.6, y, z), frame_color, collides=False)
     width = (y - frame_m * (panes + 1)) / panes
@@ -351,14 +351,14 @@ def panel(
 
 def hood(*, size_m: Size, color: Rgb) -> Description:
     """An extractor over a stove; its underside is at z = 0."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, 0.05), (x, y, 0.1), color)
     parts.box((-x / 4, 0, (0.1 + z) / 2), (x / 2, y * 0.45, z - 0.1), color)
     return parts.thing()
 
 
-def _fronts(parts: Parts, x: float, width: float, low: float, high: float, units: int, color: Color) -> None:
+def _fronts(parts: PartsOfBody, x: float, width: float, low: float, high: float, units: int, color: Color) -> None:
     """Doors that are only drawn, at depth `x`."""
     each = width / units
     lighter = (min(1.0, color[0] * 1.08), min(1.0, color[1] * 1.08), min(1.0, color[2] * 1.08))

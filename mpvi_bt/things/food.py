@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.things.description import Description, Parts
+from mpvi_bt.things.description import Description, PartsOfBody
 from mpvi_bt.things.dimensions import Count, Length, Rgb
 
 _GOLDEN = np.pi * (3 - np.sqrt(5))  # turn from one bit to the next, so that they lie evenly
@@ -14,7 +14,7 @@ def topped_disc(
     *, diameter_m: Length, height_m: Length, color: Rgb, top_color: Rgb, bit_color: Rgb, bits: Count = 7
 ) -> Description:
     """A flat round with bits on top, such as a pizza or a chocolate chip cookie; only the round itself collides."""
-    parts = Parts()
+    parts = PartsOfBody()
     parts.cylinder((0, 0, height_m / 2), diameter_m, height_m, color)
     parts.cylinder((0, 0, height_m), diameter_m * 0.86, 0.002, top_color, collides=False)
     for i in range(bits):
@@ -28,7 +28,7 @@ def half_disc(
     *, diameter_m: Length, height_m: Length, color: Rgb, top_color: Rgb, cut_color: Rgb, strips: Count = 6
 ) -> Description:
     """One half of a round that was cut through upright, such as half a pie; the cut is its front."""
-    parts = Parts()
+    parts = PartsOfBody()
     r = diameter_m / 2
     deep = r / strips
     for i in range(strips):
@@ -45,7 +45,7 @@ def dome(
     *, diameter_m: Length, height_m: Length, color: Rgb, cut_color: Rgb, stem_color: Rgb, layers: Count = 5
 ) -> Description:
     """One half of a ball that lies on its cut, such as half an apple with its stem."""
-    parts = Parts()
+    parts = PartsOfBody()
     tall = height_m / layers
     for i in range(layers):
         share = 1 - ((i + 0.5) / layers) ** 2

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from mpvi_bt.robot.solids import Solid, box
-from mpvi_bt.things.description import Body, Color, Description, Handle, Joint, Parts, switch
+from mpvi_bt.things.description import Color, Description, Handle, Joint, PartsOfBody, RigidBody, switch
 from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
 
 Hinge = Literal["left", "right", "bottom", "top"]
@@ -45,7 +45,7 @@ def cabinet(
     """
     x, y, z = size_m
     depth = x - _WALL  # of the carcass; its front is at x / 2 - _WALL
-    parts = Parts()
+    parts = PartsOfBody()
     middle = -_WALL / 2
     parts.box((-x / 2 + _WALL / 2, 0, (plinth_m + z) / 2), (_WALL, y, z - plinth_m), color)
     for height in (plinth_m + _WALL / 2, z - _WALL / 2):
@@ -96,7 +96,7 @@ def drawers(
 ) -> Description:  # fmt: skip
     """A chest of drawers, from the lowest (drawer_1) to the highest."""
     x, y, z = size_m
-    parts = Parts()
+    parts = PartsOfBody()
     front = 0.02
     depth = x - front
     foot, top = 0.06, 0.025
@@ -107,7 +107,7 @@ def drawers(
         parts.box(center, (depth - _WALL, _WALL, z - top), color)
     parts.box((-0.01, 0, foot - 0.01), (depth - 0.04, y - 2 * _WALL, 0.02), _DARK)
     pitch = (z - top - foot) / count
-    bodies: list[Body] = [parts.body()]
+    bodies: list[RigidBody] = [parts.body()]
     for k in range(count):
         bodies.append(_drawer(f"drawer_{k + 1}", size_m, foot + k * pitch, pitch, color, handle_m, handle_color))
     return Description(tuple(bodies))
@@ -118,7 +118,7 @@ def washer(
 ) -> Description:
     """A front loader: a drum behind a door, a panel above with a dial that is its switch."""
     x, y, z = size_m
-    parts = Parts()
+    parts = PartsOfBody()
     low, high, inside = 0.2, z - 0.2, y - 0.14
     back = 0.06
     carcass = x - _WALL
@@ -141,7 +141,7 @@ def car(*, size_m: Size, color: Rgb, boot_m: Size = (0.8, 1.0, 0.6)) -> Descript
     """A small car whose boot, at the front of its frame (+x), has a lid hinged at the top."""
     x, y, z = size_m
     bx, by, _ = boot_m
-    parts = Parts()
+    parts = PartsOfBody()
     sill, waist = 0.2, z * 0.58
     floor = 0.5
     rear = x / 2
@@ -181,7 +181,7 @@ def _door(
     window: bool,
     handle_color: Color,
     thickness: float = _WALL,
-) -> Body:
+) -> RigidBody:
     """A door before an opening (x of the carcass's front, its full width, lowest and highest z).
 
     Its frame lies on the hinge, at the door's outer face and, along the hinge, in the door's middle: so an open door
@@ -208,7 +208,7 @@ def _door(
         middle = (-thickness / 2, -side * width / 2, 0.0)
         handle = (clear, -side * (width - inset), 0.0)
         along = np.array([0.0, 0.0, 1.0])
-    parts = Parts()
+    parts = PartsOfBody()
     parts.box(middle, (thickness, w, h), color)
     if window:
         size = (thickness + 0.004, w - 0.16, h - 0.16) if min(w, h) > 0.25 else (thickness + 0.004, w * 0.6, h * 0.6)
@@ -222,13 +222,13 @@ def _door(
 
 def _drawer(
     name: str, size: tuple[float, float, float], low: float, pitch: float, color: Color, bar: float, handle_color: Color
-) -> Body:
+) -> RigidBody:
     """A drawer of the chest of `size`; its frame lies in the middle of its underside, at the chest's middle."""
     x, y, _ = size
     front, side = 0.02, 0.012
     depth, width, height = x - front - _WALL - 0.03, y - 2 * _WALL - 0.012, pitch - 0.05
     middle = x / 2 - front - depth / 2
-    parts = Parts()
+    parts = PartsOfBody()
     parts.box((x / 2 - front / 2, 0, (pitch - 0.01) / 2), (front, y - 0.006, pitch - 0.01), color)
     parts.box((middle, 0, 0.02), (depth, width, 0.012), color)
     for sign in (-1, 1):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.robot.solids import box
-from mpvi_bt.things.description import Body, Color, Description, Handle, Joint, Parts
+from mpvi_bt.things.description import Color, Description, Handle, Joint, PartsOfBody, RigidBody
 from mpvi_bt.things.dimensions import Length, Rgb, Size
 
 _STEEL: Color = (0.62, 0.63, 0.66)
@@ -38,13 +38,13 @@ def lidded_box(
     """
     x, y, z = size_m
     rim = z - lid_m
-    parts = Parts()
+    parts = PartsOfBody()
     parts.box((0, 0, wall_m / 2), (x, y, wall_m), color)
     for sign in (-1, 1):
         parts.box((sign * (x - wall_m) / 2, 0, (wall_m + rim) / 2), (wall_m, y, rim - wall_m), color)
         parts.box((0, sign * (y - wall_m) / 2, (wall_m + rim) / 2), (x - 2 * wall_m, wall_m, rim - wall_m), color)
     interior = box((0, 0, (wall_m + rim) / 2), (x - 2 * wall_m, y - 2 * wall_m, rim - wall_m))
-    lid = Parts()
+    lid = PartsOfBody()
     lid.box((x / 2, 0, lid_m / 2), (x, y, lid_m), lid_color or color)
     at = (x + _CLEAR_M, 0.0, lid_m / 2)
     along = np.array([0.0, 1.0, 0.0])
@@ -57,17 +57,19 @@ def laptop(*, size_m: Size, color: Rgb, screen_m: Length = 0.014) -> Description
     """A laptop computer: its screen is its lid, `screen_m` thick; `size_m` is that of the closed one."""
     x, y, z = size_m
     base = z - screen_m
-    parts = Parts()
+    parts = PartsOfBody()
     parts.box((0, 0, base / 2), (x, y, base), color)
     parts.box((-x * 0.12, 0, base), (x * 0.5, y * 0.86, 0.002), _SCREEN, collides=False)
     parts.box((x * 0.32, 0, base), (x * 0.22, y * 0.34, 0.002), _STEEL, collides=False)
-    lid = Parts()
+    lid = PartsOfBody()
     lid.box((x / 2, 0, screen_m / 2), (x, y, screen_m), color)
     lid.box((x / 2, 0, 0.0), (x * 0.9, y * 0.94, 0.001), _SCREEN, collides=False)
     return Description((parts.body(), _lid(lid, x, base, limit=_SCREEN_RAD)))
 
 
-def _lid(parts: Parts, depth: float, rim: float, handles: tuple[Handle, ...] = (), limit: float = _OPEN_RAD) -> Body:
+def _lid(
+    parts: PartsOfBody, depth: float, rim: float, handles: tuple[Handle, ...] = (), limit: float = _OPEN_RAD
+) -> RigidBody:
     """A lid whose frame lies on the hinge: at the back, at the height of the rim."""
     joint = Joint(
         "hinge", np.array([-depth / 2, 0.0, rim]), np.array([0.0, -1.0, 0.0]), limit, _FRICTION, _DAMPING,

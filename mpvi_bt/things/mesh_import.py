@@ -40,7 +40,7 @@ _UPRIGHT = (".ply", ".stl", ".urdf")  # of which z is up, mostly
 
 
 @dataclass
-class Imported:
+class ImportedMesh:
     """A mesh made ours.
 
     Attributes:
@@ -60,7 +60,7 @@ def import_mesh(
     scale: float = 1.0,
     up: Literal["y", "z"] | None = None,
     most: int = 16,
-) -> Imported:
+) -> ImportedMesh:
     """Read a mesh, or a thing of joined bodies, and give it convex parts.
 
     Args:
@@ -84,7 +84,7 @@ def import_mesh(
         raise UserError(f"{file}: a mesh is one of {', '.join(SUFFIXES)}.")
     turn = _Y_UP if (up or ("z" if suffix in _UPRIGHT else "y")) == "y" else np.eye(4)
     T = turn * np.array([scale] * 3 + [1.0])[None, :]  # columns: scaled, then turned
-    found = Imported({})
+    found = ImportedMesh({})
     if suffix == ".urdf":
         if parts:
             raise UserError(f"{file}: a URDF says itself what collides; parts cannot be given beside it.")
@@ -260,7 +260,7 @@ def _hull(vertices: Array, file: Path) -> trimesh.Trimesh:
     return hull
 
 
-def _stand(found: Imported) -> None:
+def _stand(found: ImportedMesh) -> None:
     """Put it on z = 0, its middle over the origin."""
     low, high = bounds_of(found.bodies.values())
     shift = np.array([-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2]])
@@ -271,7 +271,7 @@ def _stand(found: Imported) -> None:
         joint["origin"] = [round(float(x), 6) for x in np.array(joint["origin"]) + shift]
 
 
-def _check(found: Imported, file: Path) -> None:
+def _check(found: ImportedMesh, file: Path) -> None:
     """Raises UserError if it is of no size that a thing has, or of too many parts."""
     low, high = bounds_of(found.bodies.values())
     largest = float((high - low).max())

@@ -12,7 +12,7 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.things.mesh_file import MeshBody
-from mpvi_bt.things.mesh_import import Imported, convex_parts, load, skins
+from mpvi_bt.things.mesh_import import ImportedMesh, convex_parts, load, skins
 
 if TYPE_CHECKING:
     import trimesh
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _KINDS = {"revolute": "hinge", "prismatic": "slide"}
 
 
-def read_urdf(file: Path, T: Array, most: int, found: Imported) -> None:
+def read_urdf(file: Path, T: Array, most: int, found: ImportedMesh) -> None:
     """Put the bodies and joints of a URDF into `found`.
 
     Args:
@@ -81,7 +81,7 @@ def _parsed(file: Path) -> Any:
         raise UserError(f"{file}: cannot be read as URDF: {told}") from None
 
 
-def _name(link: str, found: Imported) -> str:
+def _name(link: str, found: ImportedMesh) -> str:
     name = re.sub(r"[^a-z0-9_]+", "_", link.lower()).strip("_")
     name = name if name[:1].isalpha() else f"part_{name}"
     return name if name not in found.bodies else f"{name}_{len(found.bodies)}"

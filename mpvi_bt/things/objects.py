@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.robot.solids import Solid, box, pose
-from mpvi_bt.things.description import Color, Description, Handle, Parts, switch
+from mpvi_bt.things.description import Color, Description, Handle, PartsOfBody, switch
 from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
 from mpvi_bt.things.pieces import Button, Piece
 
@@ -19,7 +19,7 @@ _INK: Color = (0.18, 0.18, 0.2)
 
 def can(*, diameter_m: Length, height_m: Length, color: Rgb, lid_color: Rgb = _STEEL) -> Description:
     """A closed cylinder with bright ends, such as a can of soda or a candle."""
-    parts = Parts()
+    parts = PartsOfBody()
     rim = min(0.008, height_m / 8)
     parts.cylinder((0, 0, height_m / 2), diameter_m, height_m, color)
     for z in (rim / 2 - 0.0002, height_m - rim / 2 + 0.0002):
@@ -29,7 +29,7 @@ def can(*, diameter_m: Length, height_m: Length, color: Rgb, lid_color: Rgb = _S
 
 def block(*, size_m: Size, color: Rgb, label_color: Rgb | None = None) -> Description:
     """A closed box, such as a carton, with a label on the front and back if it has one."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, color)
     if label_color is not None:
@@ -39,7 +39,7 @@ def block(*, size_m: Size, color: Rgb, label_color: Rgb | None = None) -> Descri
 
 def radio(*, size_m: Size, color: Rgb, grille_color: Rgb = _INK) -> Description:
     """A box with a grille at its front and its switch on top."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, color)
     parts.box((x / 2, -y * 0.12, z * 0.45), (0.002, y * 0.6, z * 0.6), grille_color, collides=False)
@@ -49,7 +49,7 @@ def radio(*, size_m: Size, color: Rgb, grille_color: Rgb = _INK) -> Description:
 
 def book(*, size_m: Size, color: Rgb, page_color: Rgb = (0.95, 0.93, 0.86)) -> Description:
     """A closed book, lying: covers above and below, the spine at the back, pages between."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, color)
     parts.box((0.002, 0, z / 2), (x, y + 0.001, z * 0.7), page_color, collides=False)
@@ -58,14 +58,14 @@ def book(*, size_m: Size, color: Rgb, page_color: Rgb = (0.95, 0.93, 0.86)) -> D
 
 def ball(*, diameter_m: Length, color: Rgb) -> Description:
     """A sphere, such as a tennis ball or an apple."""
-    parts = Parts()
+    parts = PartsOfBody()
     parts.sphere((0, 0, diameter_m / 2), diameter_m, color)
     return parts.thing()
 
 
 def bottle(*, diameter_m: Length, height_m: Length, color: Rgb, cap_color: Rgb = _INK) -> Description:
     """A round body with a narrow neck and a cap."""
-    parts = Parts()
+    parts = PartsOfBody()
     neck = min(0.03, diameter_m / 2)
     body = height_m * 0.7
     parts.cylinder((0, 0, body / 2), diameter_m, body, color)
@@ -83,7 +83,7 @@ def bowl(
 
     A caldron is one, too, on three feet.
     """
-    parts = Parts()
+    parts = PartsOfBody()
     low = feet_m or 0.0
     if feet_m is not None:
         for angle in np.arange(3) * (2 * np.pi / 3):
@@ -96,7 +96,7 @@ def bowl(
 
 def cup(*, diameter_m: Length, height_m: Length, color: Rgb, wall_m: Length = 0.006) -> Description:
     """A mug: a bowl with an ear at its front."""
-    parts = Parts()
+    parts = PartsOfBody()
     parts.cylinder((0, 0, wall_m / 2), diameter_m - wall_m, wall_m, color)
     _ring(parts, diameter_m, wall_m / 2, height_m, wall_m, color, 10)
     r, ear = diameter_m / 2, 0.028
@@ -110,7 +110,7 @@ def open_box(
     *, size_m: Size, color: Rgb, wall_m: Length = 0.008, rim_color: Rgb | None = None, bail_m: Length | None = None
 ) -> Description:
     """A box without a lid, such as a basket, a crate or a tray; `bail_m` adds a handle that high above its rim."""
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     _walls(parts, size_m, wall_m, color)
     if rim_color is not None:
@@ -130,7 +130,7 @@ def trash_can(
     Our choice: a real pedal bin has no bar, but a hand must be able to carry the bin upright, and the opening on either
     side of the bar stays wide enough for a can.
     """
-    parts = Parts()
+    parts = PartsOfBody()
     x, y, z = size_m
     _walls(parts, size_m, wall_m, color)
     for sign in (-1, 1):
@@ -143,7 +143,7 @@ def trash_can(
 
 def compound(*, pieces: tuple[Piece, ...], color: Rgb, buttons: tuple[Button, ...] = ()) -> Description:
     """Solids that are stuck together, such as a hammer: whatever has no family of its own; with switches, if any."""
-    parts = Parts()
+    parts = PartsOfBody()
     for piece in pieces:
         piece.add_to(parts, color)
     handles = tuple(piece.handle for piece in pieces if piece.grip)
@@ -151,7 +151,7 @@ def compound(*, pieces: tuple[Piece, ...], color: Rgb, buttons: tuple[Button, ..
     return parts.thing(handles=handles, switches=tuple(button.switch for button in buttons), blades=blades)
 
 
-def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:
+def _walls(parts: PartsOfBody, size: tuple[float, float, float], wall: float, color: Color) -> None:
     """Bottom and four sides of an open box."""
     x, y, z = size
     parts.box((0, 0, wall / 2), (x, y, wall), color)
@@ -160,7 +160,7 @@ def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: C
         parts.box((0, sign * (y - wall) / 2, (z + wall) / 2), (x - 2 * wall, wall, z - wall), color)
 
 
-def _bail(parts: Parts, rim: float, above: float, reach: float, color: Color) -> Handle:
+def _bail(parts: PartsOfBody, rim: float, above: float, reach: float, color: Color) -> Handle:
     """A bar along y, `above` [m] over the rim, on posts at y = +-`reach` that stand on the walls."""
     thick, tall = 0.016, 0.02
     post = above - tall / 2
@@ -176,7 +176,7 @@ def _bail(parts: Parts, rim: float, above: float, reach: float, color: Color) ->
     )
 
 
-def _ring(parts: Parts, diameter: float, z0: float, z1: float, wall: float, color: Color, sides: int) -> None:
+def _ring(parts: PartsOfBody, diameter: float, z0: float, z1: float, wall: float, color: Color, sides: int) -> None:
     """An upright wall of flat staves between heights `z0` and `z1`."""
     middle = diameter / 2 - wall / 2
     stave = diameter * np.tan(np.pi / sides)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mpvi_bt.marked_yaml import Coordinate, Record
 from mpvi_bt.robot.solids import Solid
-from mpvi_bt.things.description import Color, Handle, Parts, Switch
+from mpvi_bt.things.description import Color, Handle, PartsOfBody, Switch
 from mpvi_bt.things.dimensions import Rgb, Size
 
 
@@ -53,7 +53,7 @@ class Piece(Record):
     grip: bool = False
     blade: bool = False
 
-    def add_to(self, parts: Parts, color: Color) -> None:
+    def add_to(self, parts: PartsOfBody, color: Color) -> None:
         """Add it, in its own color or else this one."""
         paint = self.color or color
         if self.kind == "box":
@@ -68,7 +68,7 @@ class Piece(Record):
     @property
     def solid(self) -> Solid:
         """The solid alone."""
-        parts = Parts()
+        parts = PartsOfBody()
         self.add_to(parts, (0.0, 0.0, 0.0))
         return parts.items[0].solid
 

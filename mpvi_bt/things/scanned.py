@@ -14,7 +14,7 @@ from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.marked_yaml import Coordinate, Record
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, bounds, box
-from mpvi_bt.things.description import Body, Description, Joint, Part, Skin
+from mpvi_bt.things.description import Description, Joint, Part, RigidBody, Skin
 from mpvi_bt.things.mesh_file import MeshBody, read_mesh
 from mpvi_bt.things.pieces import Piece
 
@@ -72,7 +72,7 @@ def mesh(
         raise UserError(f"{file}: how {lacking[0]!r} moves must be said under joints")
     bodies = [_body(name, read[name], scale, joints.get(name)) for name in (_ROOT, *moving)]
     handles = tuple(piece.handle for piece in grips)
-    root = Body(_ROOT, bodies[0].parts, tuple(piece.solid for piece in volumes), handles, skin=bodies[0].skin)
+    root = RigidBody(_ROOT, bodies[0].parts, tuple(piece.solid for piece in volumes), handles, skin=bodies[0].skin)
     return Description((root, *bodies[1:]))
 
 
@@ -81,7 +81,7 @@ def _read(file: str, changed: int) -> dict[str, MeshBody]:
     return read_mesh(file)
 
 
-def _body(name: str, read: MeshBody, scale: float, given: MeshJoint | None) -> Body:
+def _body(name: str, read: MeshBody, scale: float, given: MeshJoint | None) -> RigidBody:
     """One body, its parts in its own frame."""
     joint = None
     origin = np.zeros(3)
@@ -96,7 +96,7 @@ def _body(name: str, read: MeshBody, scale: float, given: MeshJoint | None) -> B
     color = read.skin[0].color if read.skin else _GRAY
     parts = tuple(_part(hull * scale - origin, color) for hull in read.hulls)
     skin = tuple(Skin(s.color, s.vertices * scale - origin, s.triangles) for s in read.skin)
-    return Body(name, parts, joint=joint, skin=skin)
+    return RigidBody(name, parts, joint=joint, skin=skin)
 
 
 def _part(corners: Array, color: tuple[float, float, float]) -> Part:

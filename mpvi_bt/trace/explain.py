@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from mpvi_bt.trace.lines import Answer, Broken, Replanned, Tick
+from mpvi_bt.trace.lines import Broken, CheckerAnswer, Replanned, Tick
 from mpvi_bt.trace.read import Moment, Trace
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.state import Ending, NodeState, Status
@@ -21,7 +21,7 @@ class Asked:
     """A question to the completion checker, and when it was asked in simulated time."""
 
     time_s: float
-    answer: Answer
+    answer: CheckerAnswer
 
 
 @dataclass(frozen=True)

@@ -37,13 +37,13 @@ def tree_page(tree: TreeSpec) -> str:
 
 def trace_page(trace: Trace, tick: int | None = None) -> str:
     """The page of a run. It opens at `tick`, or at the end; `#tick=12` behind its address opens it at another."""
-    frames = Frames(trace.tree)
+    frames = PageFrames(trace.tree)
     frames.add(trace.ticks)
     facts = list(told_facts(trace.config, trace.seed, trace.started, trace.mpvi_bt))
     return page(trace.tree, {**frames.data(), "end": _end(trace), "facts": facts, "open": tick})
 
 
-class Frames:
+class PageFrames:
     """A run as the page's script plays it: what changed, tick by tick.
 
     Attributes:

@@ -26,7 +26,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Answer:
+class CheckerAnswer:
     """What the completion checker said.
 
     Attributes:
@@ -109,7 +109,7 @@ class Tick:
     wall_s: _Time = 0.0
     nodes: Mapping[str, NodeState] = field(default_factory=dict)
     blackboard: Mapping[str, Value | None] = field(default_factory=dict)
-    queries: tuple[Answer, ...] = ()
+    queries: tuple[CheckerAnswer, ...] = ()
     notices: tuple[Noticed, ...] = ()
     replans: tuple[Replanned, ...] = ()
     tree: dict[str, Any] | None = None
@@ -143,7 +143,7 @@ class Broken:
 
 
 @dataclass(frozen=True)
-class GoalCondition:
+class ConditionLine:
     """One condition of the goal, and whether it held at the end."""
 
     condition: str
@@ -166,7 +166,7 @@ class End:
     time_s: _Time
     wall_s: _Time = 0.0
     q: Annotated[float, Field(ge=0, le=1)] | None = None
-    goal: tuple[GoalCondition, ...] = ()
+    goal: tuple[ConditionLine, ...] = ()
     clipped: _Count = 0
     failure: RootFailure | None = None
     error: Broken | None = None

@@ -9,12 +9,12 @@ from mpvi_bt.behaviors.parameters import Call
 from mpvi_bt.errors import FileProblems, MpviError, UnknownName, UserError, shown
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Location, Marks, load_marked
-from mpvi_bt.tree.tree_file import Reading, Source, due, fits, head_of
+from mpvi_bt.tree.tree_file import TreeReading, TreeSource, due, fits, head_of
 
 
 def called_file(
-    call: Call, at: Location, marks: Marks, reading: Reading, above: tuple[Path, ...]
-) -> tuple[Path, Source] | None:
+    call: Call, at: Location, marks: Marks, reading: TreeReading, above: tuple[Path, ...]
+) -> tuple[Path, TreeSource] | None:
     """The file that a subtree node calls, or None if it cannot be called so; then `reading` has the problems.
 
     Args:
@@ -31,7 +31,7 @@ def called_file(
     return path, source
 
 
-def _find(name: str, at: Location, marks: Marks, reading: Reading) -> Path | None:
+def _find(name: str, at: Location, marks: Marks, reading: TreeReading) -> Path | None:
     """The file that a subtree names: one beside this file, or a tree of a root."""
     folder = Path(marks.file).parent
     if "/" in name or name.endswith(paths.SUFFIXES):
@@ -52,7 +52,7 @@ def _find(name: str, at: Location, marks: Marks, reading: Reading) -> Path | Non
     return None
 
 
-def _source(path: Path, at: Location, marks: Marks, reading: Reading, above: tuple[Path, ...]) -> Source | None:
+def _source(path: Path, at: Location, marks: Marks, reading: TreeReading, above: tuple[Path, ...]) -> TreeSource | None:
     """A subtree's file, or None if it cannot be used here."""
     own = path.resolve()
     if own in above:
@@ -64,7 +64,7 @@ def _source(path: Path, at: Location, marks: Marks, reading: Reading, above: tup
         try:
             data, its_marks = load_marked(path)
             expect("tree", data, its_marks)
-            reading.sources[own] = Source(data, its_marks, head_of(data, its_marks, reading))
+            reading.sources[own] = TreeSource(data, its_marks, head_of(data, its_marks, reading))
         except FileProblems as error:
             reading.problems += error.problems
         except UserError as error:
@@ -72,7 +72,7 @@ def _source(path: Path, at: Location, marks: Marks, reading: Reading, above: tup
     return reading.sources[own]
 
 
-def _fit(call: Call, path: Path, source: Source, at: Location, marks: Marks, reading: Reading) -> bool:
+def _fit(call: Call, path: Path, source: TreeSource, at: Location, marks: Marks, reading: TreeReading) -> bool:
     """Whether the arguments are those that the called tree takes."""
     before = len(reading.problems)
     parameters = source.file.parameters

@@ -16,14 +16,14 @@ from mpvi_bt.marked_yaml import Location, Marks, problems_of
 from mpvi_bt.tree.calls import called_file
 from mpvi_bt.tree.spec import NodeSpec, Place, TreeParameter, TreeSpec
 from mpvi_bt.tree.synonyms import meant
-from mpvi_bt.tree.tree_file import NodeHead, Reading, Source, head_of, typed
+from mpvi_bt.tree.tree_file import NodeHead, TreeReading, TreeSource, head_of, typed
 
 MAX_NODES = 20_000  # of a tree with its subtrees written out: a few files could ask for millions
 MAX_DEPTH = 90  # likewise; a deeper tree is slow to tick, no person reads it, and a trace nests two levels a node
 _STAND_INS: Mapping[str, Value] = {"number": 1.0, "integer": 1, "boolean": True}  # of parameters without a value
 
 
-def read(data: Any, marks: Marks, reading: Reading, arguments: Mapping[str, Value]) -> TreeSpec:
+def read(data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, Value]) -> TreeSpec:
     """The tree of a file's data.
 
     Args:
@@ -39,15 +39,15 @@ def read(data: Any, marks: Marks, reading: Reading, arguments: Mapping[str, Valu
     values = typed(arguments, file)
     path = Path(marks.file)
     above = (path.resolve(),) if path.is_file() else ()
-    tree = _tree(Source(data, marks, file), reading, values, above)
+    tree = _tree(TreeSource(data, marks, file), reading, values, above)
     if reading.problems or tree is None:
         raise FileProblems(list({(p.file, p.line, p.column, p.message): p for p in reading.problems}.values()))
     return tree
 
 
 def _tree(
-    source: Source,
-    reading: Reading,
+    source: TreeSource,
+    reading: TreeReading,
     arguments: Mapping[str, Value],
     above: tuple[Path, ...],
     keys: frozenset[str] = frozenset(),
@@ -85,7 +85,7 @@ class _Reader:
     def __init__(
         self,
         marks: Marks,
-        reading: Reading,
+        reading: TreeReading,
         values: Mapping[str, Value],
         unbound: frozenset[str],
         above: tuple[Path, ...],

@@ -66,7 +66,7 @@ class NodeHead(Record):
 
 
 @dataclass
-class Source:
+class TreeSource:
     """A tree file: its data, where everything in it stands, and the keys at its top."""
 
     data: Any
@@ -75,7 +75,7 @@ class Source:
 
 
 @dataclass
-class Reading:
+class TreeReading:
     """One tree being read, from one or more files.
 
     Attributes:
@@ -91,7 +91,7 @@ class Reading:
     skills: Mapping[str, Skill] | None = None
     expanded: bool = False
     problems: list[Problem] = field(default_factory=list)
-    sources: dict[Path, Source | None] = field(default_factory=dict)
+    sources: dict[Path, TreeSource | None] = field(default_factory=dict)
     blackboard: dict[str, Value] = field(default_factory=dict)
     count: int = 0
     depth: int = 0
@@ -103,7 +103,7 @@ class Reading:
             raise FileProblems(self.problems)
 
 
-def head_of(data: Any, marks: Marks, reading: Reading) -> TreeFile:
+def head_of(data: Any, marks: Marks, reading: TreeReading) -> TreeFile:
     """The keys at the top. Problems are noted, and then something that does as well for what comes next is given."""
     try:
         file = validate_data(data, marks, TreeFile)

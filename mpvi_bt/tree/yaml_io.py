@@ -35,7 +35,7 @@ from mpvi_bt.marked_yaml import Marks, load_marked, parse_marked
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.reader import read
 from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.tree_file import Reading
+from mpvi_bt.tree.tree_file import TreeReading
 from mpvi_bt.tree.writer import dump_tree, expanded
 
 __all__ = ["check_tree", "dump_tree", "expanded", "from_expanded", "load_tree", "parse_tree"]
@@ -76,9 +76,9 @@ def check_tree(
 ) -> TreeSpec:
     """As `load_tree`, of data that is already loaded."""
     expect("tree", data, marks)
-    return read(data, marks, Reading(skills), arguments or {})
+    return read(data, marks, TreeReading(skills), arguments or {})
 
 
 def from_expanded(data: Any, name: str = "<data>") -> TreeSpec:
     """The tree of what `expanded` gave. `name` stands for it in problems. Raises FileProblems."""
-    return read(data, Marks(name), Reading(expanded=True), {})
+    return read(data, Marks(name), TreeReading(expanded=True), {})

@@ -18,7 +18,7 @@ _HEADERS = (
 )
 
 
-class Guard:
+class PageGuard:
     """Lets through what comes from the server's own page.
 
     A page of another site can make a browser send requests here, but not without naming itself as their Origin; and a

@@ -11,7 +11,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from mpvi_bt.watch.feed import Feed
-from mpvi_bt.watch.guard import Guard
+from mpvi_bt.watch.guard import PageGuard
 
 _GRACE_S = 1  # for answers that are under way when it stops
 
@@ -66,7 +66,7 @@ class Server:
     ) -> None:
         """Serve `app` to whom the guard lets in; `lifespan`: it has to be told when that begins and ends."""
         config = uvicorn.Config(
-            Guard(app, port, token),
+            PageGuard(app, port, token),
             log_level="error",
             access_log=False,
             lifespan="on" if lifespan else "off",

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp
 from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import MpviError
 from mpvi_bt.trace.growing_trace import Follow, Restarted
-from mpvi_bt.trace.html import Frames, More, page, told_end, told_facts
+from mpvi_bt.trace.html import More, PageFrames, page, told_end, told_facts
 from mpvi_bt.watch.channel import WORDS
 from mpvi_bt.watch.feed import EVERY_S, Feed
 from mpvi_bt.watch.page_server import Tell
@@ -177,7 +177,7 @@ class WatchedRun:
                 if not self._path.is_file():
                     return False
                 self._follow = Follow(self._path)
-                self._frames, self._gave_up, self._broken = Frames(self._follow.tree), 0, ""
+                self._frames, self._gave_up, self._broken = PageFrames(self._follow.tree), 0, ""
             before = self._follow.end
             ticks = self._follow.new()
         except Restarted:

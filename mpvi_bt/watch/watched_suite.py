@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import MpviError
 from mpvi_bt.report.data import report_data
-from mpvi_bt.report.several import Part
+from mpvi_bt.report.several import SuiteFolder
 from mpvi_bt.report.told import Told
 from mpvi_bt.suite.manifest import FILE, read_manifest
 from mpvi_bt.suite.standing import spoken, under_way
@@ -119,7 +119,7 @@ class WatchedSuite:
             if manifest is None:
                 return False
             if self._seen is None or seen != self._seen[0]:
-                part = Part.read(manifest.suite, self._store, manifest.episodes())
+                part = SuiteFolder.read(manifest.suite, self._store, manifest.episodes())
                 self._part, self._figures = part, _figures(part)
             self._data = _stand(self._part, running) | self._figures
         except MpviError as error:
@@ -129,7 +129,7 @@ class WatchedSuite:
         return True
 
 
-def _figures(part: Part) -> dict[str, Any]:
+def _figures(part: SuiteFolder) -> dict[str, Any]:
     """Figures as the report has them."""
     if not part.results:
         return {"methods": [], "level": 0.95}
@@ -152,7 +152,7 @@ def _group(group: dict[str, Any]) -> dict[str, Any]:
     return counts | {"q": group["measures"]["q_score"]}
 
 
-def _stand(part: Part, running: bool) -> dict[str, Any]:
+def _stand(part: SuiteFolder, running: bool) -> dict[str, Any]:
     """What is done, broken, at work, and what failed."""
     works, left_s = under_way(part.store, part.episodes, part.results) if running else ([], None)
     done = list(part.results.values())

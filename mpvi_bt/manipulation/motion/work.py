@@ -29,7 +29,7 @@ _RISES = (1.0, 0.5, 0.25)  # our choice: shares of it, where a board hangs low
 
 
 @dataclass(frozen=True)
-class Ground:
+class Nearness:
     """What is near, and what lies where.
 
     Our choice, by how far boxes about things are off.
@@ -45,7 +45,7 @@ class Ground:
     on_m: float = 0.03
 
 
-_WORK = Ground()
+_WORK = Nearness()
 AJAR = 0.3  # our choice, of its limit: a door that stands open so far is seen to be open, from wherever that is
 EASY_M = 0.9  # our choice: height above the floor where hands reach farthest
 

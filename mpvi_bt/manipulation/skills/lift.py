@@ -21,7 +21,7 @@ from mpvi_bt.robot.squeeze import pressing, squeezes
 
 
 @dataclass(frozen=True)
-class Lifting:
+class LiftingBoth:
     """How a box is taken off what it stands on.
 
     Our choice.
@@ -35,7 +35,7 @@ class Lifting:
     up_m: float = 0.15
 
 
-_LIFT = Lifting()
+_LIFT = LiftingBoth()
 
 
 def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
