@@ -141,42 +141,45 @@ class NotInDryRun(BackendError):
     """A dry run was asked for what it does without, such as a robot."""
 
 
-class PolicyError(BackendError):
+class CodedError(BackendError):
+    """A backend failed in a way that has a code.
+
+    Attributes:
+        reason: Stable code, such as "server_absent".
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        self.reason = reason
+        super().__init__(message)
+
+
+class PolicyError(CodedError):
     """The backend of a policy failed, not the policy: its server is away, refuses, or answers what no policy may.
 
-    Attributes:
-        reason: Stable code, such as "server_absent"; docs/policies.md lists them.
+    docs/policies.md lists the codes, such as "server_absent".
     """
 
-    def __init__(self, reason: str, message: str) -> None:
-        self.reason = reason
-        super().__init__(message)
 
-
-class DetectorError(BackendError):
+class DetectorError(CodedError):
     """A detector broke, hangs, cannot be loaded, or answers what no detector may.
 
-    Attributes:
-        reason: Stable code, such as "bad_box"; docs/detectors.md lists them.
+    docs/detectors.md lists the codes, such as "bad_box".
     """
 
-    def __init__(self, reason: str, message: str) -> None:
-        self.reason = reason
-        super().__init__(message)
 
-
-class ModelError(BackendError):
+class ModelError(CodedError):
     """A language model gave no answer that can be one, or may not be asked.
 
+    docs/language.md lists the codes, such as "endpoint_down".
+
     Attributes:
-        reason: Stable code, such as "endpoint_down"; docs/language.md lists them.
         latency_s: How long it took to come to this.
         tokens: That were spent on it.
     """
 
     def __init__(self, reason: str, message: str, latency_s: float = 0.0, tokens: int = 0) -> None:
-        self.reason, self.latency_s, self.tokens = reason, latency_s, tokens
-        super().__init__(message)
+        super().__init__(reason, message)
+        self.latency_s, self.tokens = latency_s, tokens
 
 
 class BadMessage(BackendError):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
-from mpvi_bt.marked_yaml import Count
-from mpvi_bt.robot.protocol import CameraImage, Side
+from mpvi_bt.cost import Cost
+from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.solids import Array
 
 
@@ -24,6 +24,21 @@ class Clock(Protocol):
     def steps(self) -> int:
         """Control steps since the episode began."""
         ...
+
+
+class StepClock:
+    """A clock that counts control steps.
+
+    Attributes:
+        steps: Control steps since the episode began.
+    """
+
+    steps: int = 0
+
+    @property
+    def time_s(self) -> float:
+        """Seconds since the episode began."""
+        return self.steps / CONTROL_HZ
 
 
 class Progress(Enum):
@@ -120,22 +135,6 @@ class Policy(Protocol):
                 policy.
         """
         ...
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Cost of a language model's answer.
-
-    Attributes:
-        model: That gave it.
-        tokens_in, tokens_out: Of the question and of the answer, as the model's server counts them.
-        kept: It came from answers on file: nothing was spent.
-    """
-
-    model: str
-    tokens_in: Count = 0
-    tokens_out: Count = 0
-    kept: bool = False
 
 
 @dataclass(frozen=True)

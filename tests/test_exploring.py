@@ -15,7 +15,7 @@ from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.goals import Handoff, distance_to
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.perception.detector import Detection, Detector, GuardedDetector
-from mpvi_bt.protocols import Progress, Report
+from mpvi_bt.protocols import Progress, Report, StepClock
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
 from mpvi_bt.scene.discovery import Discoveries
@@ -31,18 +31,12 @@ KITCHEN = Entry("kitchen", ("kitchen",), "room", np.zeros(3), np.array([4.0, 4.0
 LIVING_ROOM = Entry("living_room", ("living room",), "room", np.array([4.0, 0.0, 0.0]), np.array([8.0, 4.0, 0.0]))
 
 
-class Seeing(KinematicRobot):
-    """A base with a head camera in a world of boxes."""
+class Seeing(KinematicRobot, StepClock):
+    """A base with a head camera in a world of boxes, and the clock, too."""
 
     def __init__(self, x: float, y: float, yaw: float, boxes: Sequence[Box]) -> None:
         super().__init__(x, y, yaw)
         self.boxes = list(boxes)
-        self.steps = 0
-
-    @property
-    def time_s(self) -> float:
-        """It is the clock, too."""
-        return self.steps / CONTROL_HZ
 
     def advance(self) -> None:
         """One control step."""

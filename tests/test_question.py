@@ -11,20 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.question import HANDOVER_S, Question
+from mpvi_bt.protocols import StepClock
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
 STEP_S = 1 / CONTROL_HZ
 
 
-class Steps:
+class Steps(StepClock):
     """A clock that is moved by hand."""
 
     def __init__(self, steps: int = 0) -> None:
         self.steps = steps
-
-    @property
-    def time_s(self) -> float:
-        return self.steps / CONTROL_HZ
 
 
 def ticks_until(question: Question[float], clock: Steps, most: int = 300) -> int:

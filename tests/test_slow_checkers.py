@@ -12,9 +12,10 @@ import pytest
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.question import HANDOVER_S
+from mpvi_bt.cost import Cost
 from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.protocols import Checker, Cost, Judgement, TriggerEvent
+from mpvi_bt.protocols import Checker, Judgement, TriggerEvent
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage
 from mpvi_bt.trace.explain import explain

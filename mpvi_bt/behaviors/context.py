@@ -12,10 +12,11 @@ from typing import Any, Literal, Protocol
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.question import Question
+from mpvi_bt.cost import Cost
 from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.monitors.calibration import Calibration
 from mpvi_bt.plan.skills import Skill
-from mpvi_bt.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
+from mpvi_bt.protocols import Checker, Clock, Judgement, Memory, Navigator, Policy, Triggers
 from mpvi_bt.robot.protocol import CONTROL_HZ, Robot, Side
 from mpvi_bt.robot.solids import Array
 

@@ -8,11 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.cost import Cost
 from mpvi_bt.errors import ModelError, shown
 from mpvi_bt.language.chat import ChatModel, Message
 from mpvi_bt.language.thinking import spoken
 from mpvi_bt.language.verdict import parse_yes_no
-from mpvi_bt.protocols import Cost, Judgement
+from mpvi_bt.protocols import Judgement
 from mpvi_bt.robot.protocol import CameraImage
 
 LONGEST_PX = 512  # of a picture's sides; what is larger is made smaller

@@ -14,7 +14,8 @@ from mpvi_bt.executive.replanning import Replanner
 from mpvi_bt.executive.saved_run import SavedRun, restore_world
 from mpvi_bt.plan.planners import Planner
 from mpvi_bt.plan.skills import Skill
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception
+from mpvi_bt.protocols import StepClock
+from mpvi_bt.robot.protocol import ACTION_SIZE, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import Drive
@@ -87,7 +88,7 @@ def dry_context(world: EmptyWorld, tree: Tree, skills: Mapping[str, Skill] | Non
     )
 
 
-class EmptyWorld:
+class EmptyWorld(StepClock):
     """A world in which time passes and nothing else is.
 
     Attributes:
@@ -96,29 +97,18 @@ class EmptyWorld:
 
     def __init__(self) -> None:
         self.robot = AbsentRobot()
-        self._steps = 0
-
-    @property
-    def time_s(self) -> float:
-        """Simulated seconds."""
-        return self._steps / CONTROL_HZ
-
-    @property
-    def steps(self) -> int:
-        """Control steps."""
-        return self._steps
 
     def step(self, action: Array) -> None:
         """Let one control step pass."""
-        self._steps += 1
+        self.steps += 1
 
     def save(self) -> dict[str, Any]:
         """Its time."""
-        return {"steps": self._steps}
+        return {"steps": self.steps}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Take the time of `save`."""
-        self._steps = int(saved["steps"])
+        self.steps = int(saved["steps"])
 
 
 class AbsentRobot:

@@ -12,12 +12,12 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.context import Context, Failure, Log, Replan
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.references import unescaped
+from mpvi_bt.cost import Cost
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.history import History, SeenThing, Unit
 from mpvi_bt.plan.planners import NoPlan, Planner
 from mpvi_bt.plan.schema import Plan
-from mpvi_bt.protocols import Cost
 from mpvi_bt.scene.knowledge import LIKELY, Entry
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import Arrange, Drive, compile_units

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mpvi_bt.errors import BackendError, BadMessage, UserError
+from mpvi_bt.protocols import StepClock
 from mpvi_bt.remote.odometry import moved
 from mpvi_bt.remote.reading import Reading
 from mpvi_bt.robot import kinematics as kin
@@ -121,7 +122,7 @@ class RemoteRobot:
         )
 
 
-class RemoteWorld:
+class RemoteWorld(StepClock):
     """`mpvi_bt.executive.loop.World` of such a robot.
 
     Where an observation wants several actions, the robot is taken to do as it is told until the next one: the tree is
@@ -136,17 +137,6 @@ class RemoteWorld:
         self.robot = RemoteRobot(model, first, line)
         self._line, self._reading = line, first
         self._told: list[Array] = []
-        self._steps = 0
-
-    @property
-    def time_s(self) -> float:
-        """Seconds of its clock since the episode began."""
-        return self._steps / CONTROL_HZ
-
-    @property
-    def steps(self) -> int:
-        """Control steps since the episode began."""
-        return self._steps
 
     def step(self, action: Array) -> None:
         """Hand a command over; once there are as many as are wanted, wait for the next observation.
@@ -155,7 +145,7 @@ class RemoteWorld:
             BadMessage: That is none, or does not follow the last one.
         """
         self.robot.act(action)
-        self._steps += 1
+        self.steps += 1
         self._told.append(self.robot.action)
         if len(self._told) < self._reading.steps:
             self.robot.foresee()
@@ -168,7 +158,7 @@ class RemoteWorld:
 
     def save(self) -> dict[str, Any]:
         """Its clock; the rest is elsewhere."""
-        return {"steps": self._steps}
+        return {"steps": self.steps}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Raises UserError: who has the robot has its past."""

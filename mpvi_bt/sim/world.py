@@ -12,6 +12,7 @@ import sapien
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.house.house import House
+from mpvi_bt.protocols import StepClock
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
@@ -61,7 +62,7 @@ class Placement:
     T_world: Array
 
 
-class World:
+class World(StepClock):
     """A house in SAPIEN with a robot in it; also the `WorldState` that goals are judged by, and the expert's `Truth`.
 
     Attributes:
@@ -69,7 +70,6 @@ class World:
         cameras: None where the world was built without rendering.
         bumps: What the robot bumped into, once `measure_bumps` was called; None before.
         phrases: What each movable thing is called, those too that may come to be.
-        steps: Control steps taken.
         physics_s: Wall time spent stepping.
     """
 
@@ -142,7 +142,6 @@ class World:
         self._whereabouts = Whereabouts(house, self._fixtures, self._objects, self.phrases, self._holding)
         self._attachments = Attachments(self._scene, self.robot, self._objects) if assisted else None
         self.bumps: Bumps | None = None
-        self.steps = 0
         self.physics_s = 0.0
 
     def _put_robot(self, base_pose: Array, model: RobotModel) -> SimRobot:
@@ -150,11 +149,6 @@ class World:
         return SimRobot(self._scene, base_pose, self.cameras, model)
 
     # --- the clock
-
-    @property
-    def time_s(self) -> float:
-        """Simulated seconds since the episode began."""
-        return self.steps / CONTROL_HZ
 
     def step(self, action: Array) -> None:
         """Carry out one action (23,): one control step, four of physics."""

@@ -15,7 +15,7 @@ from mpvi_bt.behaviors.context import Context
 from mpvi_bt.errors import BackendError
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill
-from mpvi_bt.protocols import Judgement, Progress, Report, TriggerEvent
+from mpvi_bt.protocols import Judgement, Progress, Report, StepClock, TriggerEvent
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     CONTROL_HZ,
@@ -126,35 +126,24 @@ class KinematicRobot:
         self._targets[ActionLayout.BASE] = 0.0
 
 
-class KinematicWorld:
+class KinematicWorld(StepClock):
     """An empty world with a KinematicRobot in it."""
 
     def __init__(self) -> None:
         self.robot = KinematicRobot()
-        self._steps = 0
-
-    @property
-    def time_s(self) -> float:
-        """Simulated seconds."""
-        return self._steps / CONTROL_HZ
-
-    @property
-    def steps(self) -> int:
-        """Control steps."""
-        return self._steps
 
     def step(self, action: Array) -> None:
         """One control step."""
         self.robot.advance(action)
-        self._steps += 1
+        self.steps += 1
 
     def save(self) -> dict[str, Any]:
         """How everything stands."""
-        return {"steps": self._steps, **self.robot.save()}
+        return {"steps": self.steps, **self.robot.save()}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Have everything stand so."""
-        self._steps = int(saved["steps"])
+        self.steps = int(saved["steps"])
         self.robot.restore(saved)
 
 

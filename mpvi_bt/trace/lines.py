@@ -9,20 +9,11 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, TypeAdapter
 
 from mpvi_bt.behaviors.parameters import Value
+from mpvi_bt.cost import Cost
+from mpvi_bt.marked_yaml import Count
 from mpvi_bt.tree.state import Ending, NodeState
 
-_Count = Annotated[int, Field(ge=0)]
 _Time = Annotated[float, Field(ge=0)]
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a language model's answer cost: tokens in and out, of which model; `kept`: it was on file, and free."""
-
-    model: str
-    tokens_in: _Count = 0
-    tokens_out: _Count = 0
-    kept: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +71,7 @@ class Replanned:
     """
 
     path: str
-    segments: _Count | None = None
+    segments: Count | None = None
     said: str = ""
     asked_s: _Time | None = None
     latency_s: _Time = 0.0
@@ -162,12 +153,12 @@ class End:
     __pydantic_config__ = ConfigDict(allow_inf_nan=False)
 
     ending: Annotated[Ending, Field(alias="end")]
-    tick: _Count
+    tick: Count
     time_s: _Time
     wall_s: _Time = 0.0
     q: Annotated[float, Field(ge=0, le=1)] | None = None
     goal: tuple[ConditionLine, ...] = ()
-    clipped: _Count = 0
+    clipped: Count = 0
     failure: RootFailure | None = None
     error: Broken | None = None
 
