@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,12 @@ HEAVY = (
         "xllamacpp",
     ),
 )
+
+
+def test_no_two_files_of_the_package_have_one_name() -> None:
+    """A trace or an editor's tab that names a file leaves no doubt which it is."""
+    names = Counter(path.name for path in MODULES if path.stem not in ("__init__", "__main__"))
+    assert [name for name, files in names.items() if files > 1] == []
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))

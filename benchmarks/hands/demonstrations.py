@@ -18,13 +18,13 @@ from benchmarks.pool import play_all
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.learned.demonstration import find, record
-from mpvi_bt.learned.motions import MOTIONS
+from mpvi_bt.learned.learned_motions import MOTIONS
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.demonstration import Demonstration
+from mpvi_bt.recording.demonstration_recorder import DemonstrationRecorder
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
@@ -96,7 +96,7 @@ def demonstrate(seed: int, folder: Path, skill: str, episodes: Path | None = Non
         watch = _Watch(trial, world, policy)
         prompt = trial.prompt if held else f"{trial.prompt} with the {side} hand"
         about = {"task": f"{skill}_{case}", "seed": seed, "instruction": trial.prompt, "config": {"robot": "r1"}}
-        episode = Demonstration(episodes / f"{skill}_{seed}", about) if episodes is not None else None
+        episode = DemonstrationRecorder(episodes / f"{skill}_{seed}", about) if episodes is not None else None
         if episode is not None:
             episode.begin()
 

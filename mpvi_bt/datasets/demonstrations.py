@@ -74,7 +74,7 @@ class EpisodeFile(Record):
 
 @dataclass(frozen=True)
 class Demonstrated:
-    """One recorded episode: the folder that `recording.demonstration` wrote.
+    """One recorded episode: the folder that `recording.demonstration_recorder` wrote.
 
     Attributes:
         folder: Where it is.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mpvi_bt.learned.motions import Motion
+from mpvi_bt.learned.learned_motions import LearnedMotion
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Robot, Side
@@ -57,7 +57,7 @@ class Demonstration:
 
 def record(
     policy: Policy, robot: Robot, step: Callable[[Array], None], over: Callable[[], bool], memory: PointMemory,
-    prompt: str, side: Side, motion: Motion,
+    prompt: str, side: Side, motion: LearnedMotion,
 ) -> Demonstration:  # fmt: skip
     """Let a policy that needs no pictures act, and record it.
 

@@ -11,8 +11,8 @@ import numpy as np
 from mpvi_bt.errors import shown
 from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased
 from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
-from mpvi_bt.learned.motions import MOTIONS, Motion
 from mpvi_bt.learned.learned_hand import LearnedHand
+from mpvi_bt.learned.learned_motions import MOTIONS, LearnedMotion
 from mpvi_bt.learned.network import Networks, Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.perception.detector import Detector
@@ -127,7 +127,7 @@ class LearnedPolicy:
         net = self._weights.skills[call.motion]
         yield from self._acted(net, motion, LearnedHand(side, self._felt), memory, phrase)
 
-    def _found(self, memory: PointMemory, motion: Motion) -> Iterator[Array]:
+    def _found(self, memory: PointMemory, motion: LearnedMotion) -> Iterator[Array]:
         """Look; where the target is not in view, tilt the head and look again."""
         self.note = "looking"
         if self._looked(memory, motion):
@@ -141,7 +141,7 @@ class LearnedPolicy:
             if self._looked(memory, motion):
                 return
 
-    def _looked(self, memory: PointMemory, motion: Motion) -> bool:
+    def _looked(self, memory: PointMemory, motion: LearnedMotion) -> bool:
         felt, robot = self._felt, robot_named(self._felt.robot)
         T_world_base = kin.base(felt.base_pose)
         holding = [side for side in felt.sides if felt.holds(side) and not motion.opens]
@@ -173,7 +173,7 @@ class LearnedPolicy:
         return "left" if at[1] > 0 else "right"
 
     def _acted(
-        self, net: Networks, motion: Motion, hand: LearnedHand, memory: PointMemory, target: str
+        self, net: Networks, motion: LearnedMotion, hand: LearnedHand, memory: PointMemory, target: str
     ) -> Iterator[Array]:
         stance: Array | None = None
         empty = tries = done = 0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.learned.demonstration import Demonstration
 from mpvi_bt.learned.features import Moments
-from mpvi_bt.learned.motions import MOTIONS
+from mpvi_bt.learned.learned_motions import MOTIONS
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
 

@@ -10,7 +10,7 @@ _HIDES = -0.95  # a hand that is told to close more than so hides what it closes
 
 
 @dataclass(frozen=True)
-class Motion:
+class LearnedMotion:
     """One motion of one hand.
 
     Attributes:
@@ -30,9 +30,9 @@ class Motion:
         return self.opens or grip > _HIDES
 
 
-MOTIONS: Mapping[str, Motion] = {
-    "pick": Motion("object", opens=False),
-    "place_in": Motion("container", opens=True),
-    "place_on": Motion("surface", opens=True),
-    "place_next_to": Motion("target", opens=True),
+MOTIONS: Mapping[str, LearnedMotion] = {
+    "pick": LearnedMotion("object", opens=False),
+    "place_in": LearnedMotion("container", opens=True),
+    "place_on": LearnedMotion("surface", opens=True),
+    "place_next_to": LearnedMotion("target", opens=True),
 }
