@@ -34,7 +34,7 @@ FREE = {
     *("scipy.ndimage", "scipy.sparse.csgraph.dijkstra", "scipy.optimize.linear_sum_assignment"),
     *("scipy.spatial.KDTree", "scipy.spatial.cKDTree", "scipy.spatial.ConvexHull", "scipy.spatial.QhullError"),
     "scipy.special.erf",
-    *("scipy.spatial.transform.Rotation", "scipy.spatial.transform.Slerp"),
+    "scipy.spatial.transform.Rotation",
 }
 
 # Loops of OpenBLAS without AVX, with it, and with fused multiply-add; each with what the processor must have.

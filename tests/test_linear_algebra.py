@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm, principal_axes
-from mpvi_bt.robot.rotations import rotation
+from mpvi_bt.robot.rotations import angle, between, matrices, quaternion, rotation
 
 seeds = st.integers(0, 2**32 - 1)
 SHAPES = [
@@ -104,3 +104,16 @@ def test_a_rotation_is_that_of_its_matrix(seed: int) -> None:
     assert (rotation(some.as_matrix()).inv() * some).magnitude().max() < 1e-12
     for one in (some[0], *Rotation.from_rotvec(np.pi * np.eye(3))):
         np.testing.assert_allclose(rotation(one.as_matrix()).as_matrix(), one.as_matrix(), atol=1e-12)
+
+
+@given(seeds)
+def test_a_turn_is_that_of_scipy(seed: int) -> None:
+    """Angle and places on the way between two rotations are scipy's, to rounding; none and slight ones too."""
+    rng, shares = np.random.default_rng(seed), np.linspace(0, 1, 5)
+    start = Rotation.random(rng=rng)
+    slight = Rotation.from_rotvec(1e-5 * rng.normal(size=3))
+    for turn in (Rotation.random(rng=rng), slight, Rotation.identity()):
+        ends = [quaternion(r.as_matrix()) for r in (start, start * turn)]
+        way = Slerp([0, 1], Rotation.from_quat(ends))(shares)
+        np.testing.assert_allclose(matrices(between(*ends, shares)), way.as_matrix(), atol=1e-14)
+        assert abs(angle(*ends) - turn.magnitude()) < 1e-7

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
-from scipy.spatial.transform import Slerp
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.rotations import rotation
+from mpvi_bt.robot.rotations import angle, between, matrices, quaternion
 from mpvi_bt.robot.solids import Array
 
 _STEP_RAD = 2.0  # how far a tree grows at once, if the way is free
@@ -127,16 +125,12 @@ def stay(T_base_tcp: Array) -> HandPath:
 def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
     """The path from pose to pose (4, 4), over a point that lies off the middle of the way by `detour` (3,) [m]."""
     first, last = start[:3, 3], goal[:3, 3]
-
-    @cache  # made once it is followed: of the ways of a search few are
-    def turning() -> Slerp:
-        return Slerp([0, 1], rotation(np.stack([start[:3, :3], goal[:3, :3]])))
-
+    ends = quaternion(start[:3, :3]), quaternion(goal[:3, :3])
     via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
 
     def path(u: float) -> Array:
         p = first + (via - first) * 2 * u if u < 0.5 else via + (last - via) * (2 * u - 1)
-        return kin.transform(turning()(u).as_matrix(), p)
+        return kin.transform(matrices(between(*ends, np.array([u])))[0], p)
 
     return path
 
@@ -208,12 +202,14 @@ def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp:
     """
     first = robot.tcp(torso, start, side)
     length = float(norm(T_base_tcp[:3, 3] - first[:3, 3]))
-    turning = rotation(np.stack([first[:3, :3], T_base_tcp[:3, :3]]))
-    n = max(2, int(np.ceil(max(length / 0.025, (turning[0].inv() * turning[1]).magnitude() / 0.1))))
-    slerp, chest, path = Slerp([0, 1], turning), kin.inverse(robot.chest(torso)), [start]
-    for u in np.linspace(0, 1, n + 1)[1:]:
-        T = kin.transform(slerp(u).as_matrix(), first[:3, 3] + (T_base_tcp[:3, 3] - first[:3, 3]) * u)
-        q = robot.nearest_posture(matmul(chest, T), side, path[-1])
+    ends = quaternion(first[:3, :3]), quaternion(T_base_tcp[:3, :3])
+    n = max(2, int(np.ceil(max(length / 0.025, angle(*ends) / 0.1))))
+    shares = np.linspace(0, 1, n + 1)[1:]
+    at = first[:3, 3] + (T_base_tcp[:3, 3] - first[:3, 3]) * shares[:, None]
+    line = matmul(kin.inverse(robot.chest(torso)), kin.transform(matrices(between(*ends, shares)), at))
+    path = [start]
+    for T in line:
+        q = robot.nearest_posture(T, side, path[-1])
         if q is None or np.abs(q - path[-1]).max() > _LEAP_RAD:
             return None
         path.append(q)

@@ -1,4 +1,4 @@
-"""Compiled loops: what the inverses of arms share, how far spheres are from solids and the robot, and paths' times.
+"""Compiled loops: what the inverses of arms share, distances of spheres to solids and the robot, turns, paths' times.
 
 Planning asks these thousands of times a second, one or a few postures at a time, where array expressions cost mostly
 their own overhead. `collision` and `timing` say what each one computes; here shapes are taken to be right.
@@ -179,6 +179,84 @@ def self_distance(  # type: ignore
                 w = T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz
                 best = min(best, _to_solids(u, v, w, mine[0], mine[1], mine[2], 9.0) - r2[j])
         out[k] = best
+    return out
+
+
+@compiled
+def quaternion(R):  # type: ignore
+    """(4,) x, y, z, w, not normalized, of a rotation (3, 3): from the largest of the four, see `rotations`."""
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    largest = max(R[0, 0], R[1, 1], R[2, 2], trace)
+    q = np.empty(4)
+    if largest == trace:
+        q[:] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace
+    elif largest == R[0, 0]:
+        q[:] = 1.0 + R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]
+    elif largest == R[1, 1]:
+        q[:] = R[0, 1] + R[1, 0], 1.0 + R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]
+    else:
+        q[:] = R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], 1.0 + R[2, 2] - R[0, 0] - R[1, 1], R[1, 0] - R[0, 1]
+    return q
+
+
+@compiled
+def normalized(q):  # type: ignore
+    """(4,) the quaternion of length 1."""
+    return q / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+
+
+@compiled
+def product(p, q):  # type: ignore
+    """(4,) normalized product of quaternions: q, then p."""
+    out = np.empty(4)
+    out[0] = p[3] * q[0] + q[3] * p[0] + (p[1] * q[2] - p[2] * q[1])
+    out[1] = p[3] * q[1] + q[3] * p[1] + (p[2] * q[0] - p[0] * q[2])
+    out[2] = p[3] * q[2] + q[3] * p[2] + (p[0] * q[1] - p[1] * q[0])
+    out[3] = p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2]
+    return normalized(out)
+
+
+@compiled
+def turn(p, q):  # type: ignore
+    """(4,) the quaternion that leads from p to q, the short way: w is not negative."""
+    back = p.copy()
+    back[:3] *= -1.0
+    d = product(back, q)
+    for k in (3, 0, 1, 2):
+        if d[k] != 0.0:
+            return d if d[k] > 0.0 else -d
+    return d
+
+
+@compiled
+def turned(p, q, shares):  # type: ignore
+    """(n, 4) unit quaternions on the short way from p to q: see `rotations`."""
+    d = turn(p, q)
+    angle = 2.0 * math.atan2(math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]), d[3])
+    square = angle * angle
+    scale = 2.0 + square / 12.0 + 7.0 * square * square / 2880.0 if angle <= 1e-3 else angle / math.sin(angle / 2.0)
+    out = np.empty((shares.shape[0], 4))
+    part = np.empty(4)
+    for k in range(shares.shape[0]):
+        x, y, z = scale * d[0] * shares[k], scale * d[1] * shares[k], scale * d[2] * shares[k]
+        half = math.sqrt(x * x + y * y + z * z)
+        square = half * half
+        by = 0.5 - square / 48.0 + square * square / 3840.0 if half <= 1e-3 else math.sin(half / 2.0) / half
+        part[:] = x * by, y * by, z * by, math.cos(half / 2.0)
+        out[k] = product(p, part)
+    return out
+
+
+@compiled
+def matrices(q):  # type: ignore
+    """(n, 3, 3) rotations of unit quaternions (n, 4)."""
+    out = np.empty((q.shape[0], 3, 3))
+    for k in range(q.shape[0]):
+        x, y, z, w = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+        xx, yy, zz, ww = x * x, y * y, z * z, w * w
+        out[k, 0, 0], out[k, 0, 1], out[k, 0, 2] = xx - yy - zz + ww, 2 * (x * y - z * w), 2 * (x * z + y * w)
+        out[k, 1, 0], out[k, 1, 1], out[k, 1, 2] = 2 * (x * y + z * w), -xx + yy - zz + ww, 2 * (y * z - x * w)
+        out[k, 2, 0], out[k, 2, 1], out[k, 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), -xx - yy + zz + ww
     return out
 
 

@@ -10,7 +10,6 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Slerp
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
@@ -18,7 +17,7 @@ from mpvi_bt.robot.drives import in_base_frame, legs
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.robot.rotations import rotation
+from mpvi_bt.robot.rotations import angle, between, matrices, quaternion
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.robot.timing import schedule, timed
@@ -194,11 +193,11 @@ class Motion:
         """
         start = self.hand(side)
         way = T_base_tcp[:3, 3] - start[:3, 3]
-        turning = Slerp([0, 1], rotation(np.stack([start[:3, :3], T_base_tcp[:3, :3]])))
-        length, turn = float(norm(way)), float((turning(0).inv() * turning(1)).magnitude())
+        ends = quaternion(start[:3, :3]), quaternion(T_base_tcp[:3, :3])
+        length, turn = float(norm(way)), angle(*between(*ends, np.array([0.0, 1.0])))
 
         def pose(u: float) -> Array:
-            return kin.transform(turning(u).as_matrix(), start[:3, 3] + way * u)
+            return kin.transform(matrices(between(*ends, np.array([u])))[0], start[:3, 3] + way * u)
 
         watch = _Watch(self, [side], give_rad, way / max(length, 1e-9) if until_contact and length > 1e-6 else None)
         n = max(20, int(np.ceil(max(length / 0.01, turn / 0.03))))
