@@ -168,7 +168,7 @@ _HIDDEN, _FREE, _VEILED = 1, 2, 3
 @cache
 def kernels() -> dict[str, Callable[..., None]]:
     """The compiled loops."""
-    loops = {"carve": _carve, "look_up": _look_up, "squared": _squared, "score": _score}
+    loops = {"carve": _carve, "look_up": _look_up, "squared": _squared, "score": _score, "recall": _recall}
     return {name: compiled(loop) for name, loop in loops.items()}
 
 
@@ -228,6 +228,25 @@ def _score(score, depth, T, camera, cell, range_m, sure):  # type: ignore
                     score[i, j, k] = max(score[i, j, k] - 1, -sure)
                 elif depth[v, u] > 0 and abs(z - far) < off:
                     score[i, j, k] = min(score[i, j, k] + 1, sure)
+
+
+def _recall(score, i, j, k, z, cell, low, twice, tall_m, whole, overhead, stays, shown):  # type: ignore
+    """Mark what is there at cells (i, j, k) of the scores, out of view or not, at heights z; see `remembered`."""
+    for a in range(len(i)):
+        for b in range(len(j)):
+            if i[a] < 0 or j[b] < 0 or i[a] >= score.shape[0] or j[b] >= score.shape[1]:
+                continue
+            column = score[i[a], j[b]]
+            foot, top, count = 0, 0, 0  # of what was seen in this column
+            for h in range(len(column)):
+                if column[h] > 0:
+                    foot, top, count = foot if count else h, h + 1, count + 1
+            stands = (top - foot) * cell >= tall_m and count >= whole * (top - foot)
+            top_m = low + cell * top if stands else 0.0
+            for c in range(len(k)):
+                seen = 0 <= k[c] < len(column) and column[k[c]] >= twice
+                shown[a, b, c] = seen
+                stays[a, b, c] = (z[c] < top_m and top_m > overhead) or (seen and z[c] > overhead)
 
 
 def _look_up(distance, points, T, low, cell, far, outside, out):  # type: ignore

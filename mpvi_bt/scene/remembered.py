@@ -90,17 +90,10 @@ class Remembered:
         if not np.isnan(self._low).any():
             low = np.append(self._low, _GRID.low_m)
             cells = [np.floor((c - o) / _GRID.cell_m).astype(int) for c, o in zip((x, y, z), low, strict=True)]
-            within = [(n >= 0) & (n < count) for n, count in zip(cells, self._score.shape, strict=True)]
-            i, j, k = (n[w] for n, w in zip(cells, within, strict=True))
-            score = self._score[np.ix_(i, j)]
-            solid = score > 0
-            top = np.where(solid.any(-1), _GRID.up - solid[..., ::-1].argmax(-1), 0)
-            tall = top - solid.argmax(-1)
-            whole = (tall * _GRID.cell_m >= _GRID.tall_m) & (solid.sum(-1) >= _GRID.whole * tall)
-            top_m = np.where(whole, _GRID.low_m + _GRID.cell_m * top, 0.0)
-            shown[np.ix_(*within)] = score[..., k] >= _GRID.twice
-            stays[np.ix_(*within[:2])] = (z < top_m[..., None]) & (top_m[..., None] > _GRID.overhead_m)
-            stays |= shown & (z > _GRID.overhead_m)
+            kernels()["recall"](
+                self._score, *cells, z, _GRID.cell_m, _GRID.low_m, _GRID.twice, _GRID.tall_m, _GRID.whole,
+                _GRID.overhead_m, stays, shown,
+            )  # fmt: skip
         return stays, shown
 
     def forget(self, low: Array, high: Array) -> None:

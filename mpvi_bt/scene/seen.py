@@ -239,11 +239,13 @@ class Seen(Memory):
         what = (tuple(sorted(without)), beside, focus)
         key = (tuple(map(id, frames)), what, tuple(np.round(xy, 2)), thick, self._remembering)
         if self._field is None or self._field[0] != key:
+            told = {*without, *faces}
+            explaining = [*(() if beside is None else self.body(beside)), *self._explaining(told)]
             views, before = (
-                [field.View(f.image, self._transparent(f, {*without, *faces}, beside), self._in_hand(f)) for f in some]
+                [field.View(f.image, self._transparent(f, told, explaining), self._in_hand(f)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
-            known = partial(self._around, {*without, *faces})
+            known = partial(self._around, told)
             coarse = Field(views, xy, thick_m=thick, before=before, known=known)
             if self._focus is None:
                 self._field = (key, coarse)
@@ -266,13 +268,15 @@ class Seen(Memory):
         """`Remembered.around`, less what things that are `told` of better explain where they stand, not in a hand."""
         stays, shown = self._remembered.around(*ranges)
         stays &= self._remembering
+        cells = np.unravel_index(np.flatnonzero(stays | shown), stays.shape)
+        p = np.column_stack([values[i] for values, i in zip(ranges, cells, strict=True)])
         for name in sorted(n for n in told if n in self._things and n not in self._held()):
             explained = Surroundings([*self.solids(name), *self._leaves(name)])
             margin = 2 * _LOOK.explained_m if self._known(name).shape.kind == "furniture" else _LOOK.roughly_m
-            for cells in (stays, shown):
-                at = np.nonzero(cells)
-                p = np.column_stack([values[i] for values, i in zip(ranges, at, strict=True)])
-                cells[at] = explained.distance(p) > margin
+            own = explained.distance(p) <= margin
+            gone = tuple(i[own] for i in cells)
+            stays[gone] = shown[gone] = False
+            cells, p = tuple(i[~own] for i in cells), p[~own]
         return stays, shown
 
     def _leaves(self, name: str) -> list[Solid]:
@@ -294,7 +298,8 @@ class Seen(Memory):
         """What the base must not drive into, by all pictures of the last meter; what none of them shows is free."""
         assert self._felt is not None
         head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _LOOK.passed_m]
-        views = [field.View(f.image, self._transparent(f, self._held())) for f in head]
+        held, explaining = self._held(), self._explaining(self._held())
+        views = [field.View(f.image, self._transparent(f, held, explaining)) for f in head]
         return Field(views, self._felt.base_pose[:2], known=self._remembered.around)
 
     @contextlib.contextmanager
@@ -323,28 +328,32 @@ class Seen(Memory):
         low, high = bounds(_lowest(self.body(name)))
         return np.append(np.clip(xy, low[:2], high[:2]), low[2])
 
-    def _transparent(self, frame: Frame, without: Collection[str], whole: str | None = None) -> NDArray[np.bool_]:
-        """Pixels of robot and floor, and those that the things `without`, and all of the `whole` one, explain."""
-        through = frame.robot | frame.floor
-        solids: list[Solid] = [] if whole is None else list(self.body(whole))
-        for name in without:
+    def _explaining(self, names: Collection[str]) -> list[Solid]:
+        """The solids of things, of what opens of them and of their switches."""
+        solids: list[Solid] = []
+        for name in names:
             if name.startswith(_IN):
                 solids += self.solids(name)
-            elif (thing := self._things.get(name)) is not None:
+            elif name in self._things:
                 solids += self.solids(name)
                 solids += self._leaves(name)
                 solids += [Solid("sphere", np.full(3, _LOOK.button_m), T) for T in self.switches(name)]
-                for f, mask in thing.views:
-                    if f is frame and thing.shape.kind != "furniture":
-                        through = through | ndimage.binary_dilation(mask, iterations=1)
-        if solids:
+        return solids
+
+    def _transparent(self, frame: Frame, without: Collection[str], explaining: Sequence[Solid]) -> NDArray[np.bool_]:
+        """Pixels of robot and floor, of the things `without`, and those that solids explain."""
+        through = frame.robot | frame.floor
+        for thing in (self._things[n] for n in without if n in self._things):
+            for f, mask in thing.views:
+                if f is frame and thing.shape.kind != "furniture":
+                    through |= ndimage.binary_dilation(mask, iterations=1)
+        if explaining:
             rows, columns = np.nonzero(~through & (frame.image.depth > 0))
             points = frame.points[rows, columns]
-            low, high = bounds(solids) + [[-_LOOK.explained_m], [_LOOK.explained_m]]
+            low, high = bounds(explaining) + [[-_LOOK.explained_m], [_LOOK.explained_m]]
             near = ((points > low) & (points < high)).all(1)
             rows, columns, points = rows[near], columns[near], points[near]
-            own = Surroundings(solids).distance(points) < _LOOK.explained_m
-            through = through.copy()
+            own = Surroundings(explaining).distance(points) < _LOOK.explained_m
             through[rows[own], columns[own]] = True
         return through
 
@@ -374,9 +383,11 @@ class Seen(Memory):
     def _in_hand(self, frame: Frame) -> NDArray[np.bool_]:
         """(H, W) bool: pixels of what the hands hold."""
         held = frame.robot.copy()
+        if frame.stand != self._stand:
+            return held
         carried = self._held()
         solids = [s for n in self._things if n in carried or self._things[n].inside in carried for s in self.solids(n)]
-        if solids and frame.stand == self._stand:
+        if solids:
             low, high = bounds(solids) + [[-_LOOK.explained_m], [_LOOK.explained_m]]
             held |= ((frame.points > low) & (frame.points < high)).all(-1)
         return held
