@@ -12,9 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt.behaviors.context import Log, Query, Replan
+from mpvi_bt.disturbances.answer_times import TimedPolicy, measured_times
 from mpvi_bt.disturbances.late_policy import LatePolicy
 from mpvi_bt.disturbances.latency import LONGEST_S, PARTS, Latency, in_steps, read_latencies
 from mpvi_bt.errors import UserError
+from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -48,7 +51,7 @@ class Counting:
         return chunk
 
 
-def ask(policy: LatePolicy) -> Array:
+def ask(policy: Policy) -> Array:
     return policy.infer({"prompt": "pick up the cup", "proprioception": BODY, "images": {}})
 
 
@@ -147,3 +150,26 @@ def test_a_handoff_drops_what_was_kept_back() -> None:
     ask(policy)
     policy.reset()
     assert (ask(policy)[:2, 7] == BODY.arm["left"][0]).all()
+
+
+def test_times_that_a_run_took_can_be_replayed(tmp_path: Path) -> None:
+    """What is written of policy, checker and planner is what `--latency` reads, in its order."""
+    timed = TimedPolicy(Counting(3))
+    for _ in range(2):
+        ask(timed)
+    log = Log()
+    log.queries.append(Query("it is on", "grip", None, True, "", "tree/a", 1.0, latency_s=0.7))
+    log.replans.append(Replan("tree/b", None, "", 2.0, latency_s=3.5))
+    file = tmp_path / "measured.json"
+    file.write_text(json.dumps(measured_times([0.25, 0.5], log, 4.0)))
+    read = read_latencies(",".join(f"{part}=@{file}" for part in PARTS))
+    assert read["policy"].measured_s == (0.25, 0.5)
+    assert read["checker"].measured_s == (0.7,)
+    assert read["planner"].measured_s == (4.0, 3.5)
+    assert len(timed.took_s) == 2
+    assert min(timed.took_s) > 0
+
+
+def test_a_part_that_gave_no_answer_is_not_in_the_file() -> None:
+    """An empty list could not be replayed."""
+    assert measured_times([], Log(), None) == {}

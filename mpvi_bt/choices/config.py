@@ -216,6 +216,9 @@ class OutputSettings:
     rerun: Path | None = setting(None, "Log the episode for the rerun viewer, as rrd.", "FILE")
     demonstration: Path | None = setting(None, "Record pictures, state and actions there, for `mpvi dataset`.", "DIR")
     demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30] = setting(10, "Recorded rows and pictures a second.")
+    times: Path | None = setting(
+        None, "Write how long policy, checker and planner took, as --latency PART=@FILE reads it.", "FILE"
+    )
     trace: Path | None = None
     saved: Path | None = None
     planned: Path | None = None

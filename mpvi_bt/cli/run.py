@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
-_OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes on, what may be said anew
+_OF_THIS_RUN = ("video", "picture", "rerun", "times", *ASKING)  # of an episode that goes on, what may be said anew
 
 
 @click.command()
@@ -95,8 +95,8 @@ def run(
 
         require_sdk()
     config, prepared, dry = _resumed(resume, given) if resume else _asked_for(task, arguments(params), dry, out, given)
-    if dry and (config.video or config.picture or config.rerun or config.demonstration):
-        raise click.UsageError("A dry run has nothing to film, to draw, to log or to record.")
+    if dry and (config.video or config.picture or config.rerun or config.demonstration or config.times):
+        raise click.UsageError("A dry run has nothing to film, to draw, to log, to record or to time.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = config.kept_in(out, stem, trace)
     from mpvi_bt.episode.prepare import doubts
@@ -111,7 +111,7 @@ def run(
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
     try:
-        files = (config.video, config.picture, config.rerun)
+        files = (config.video, config.picture, config.rerun, config.times)
         for folder in (out, *(file.parent for file in files if file is not None)):
             check_writable(folder)  # now, not when a minute's work is lost
     except UserError:

@@ -14,6 +14,7 @@ from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.choices.navigators import explorer, make_navigator
 from mpvi_bt.choices.policies import PolicyInputs, demonstrations, disturbed, in_chunks, make_policy
+from mpvi_bt.disturbances.answer_times import TimedPolicy
 from mpvi_bt.episode.prepare import Prepared, arrangement
 from mpvi_bt.executive.replanning import Replanner, things
 from mpvi_bt.house.house import House
@@ -37,11 +38,13 @@ class RunParts:
         navigator: Drives the base.
         policy: Moves the arms.
         context: What behaviors are handed.
+        took_s: Wall time of each of the policy's answers so far [s], where the config has `times`.
     """
 
     navigator: KnownPlaceNavigator
     policy: Policy
     context: Context
+    took_s: list[float]
 
 
 def assemble(
@@ -76,6 +79,7 @@ def assemble(
     task = prepared.task.problem if prepared.task else prepared.spec.name
     ground = PolicyInputs(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot)
     policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
+    timed = TimedPolicy(policy) if config.times is not None else None
     relevant = task_relevant(tree.spec, skills)
     if isinstance(world, World) and house is not None:
         navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
@@ -88,7 +92,7 @@ def assemble(
         clock=world,
         robot=world.robot,
         navigator=navigator,
-        policy=disturbed(in_chunks(policy, config), config, skills, relevant),
+        policy=disturbed(in_chunks(timed or policy, config), config, skills, relevant),
         checker=checker if config.latency is None else LateChecker(checker, latency_of(config, "checker")),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
@@ -100,7 +104,7 @@ def assemble(
     )
     if prepared.planner is not None:
         context.replanning = _replanning(prepared, config, tree, context, world)
-    return RunParts(navigator, policy, context)
+    return RunParts(navigator, policy, context, timed.took_s if timed else [])
 
 
 def floors(house: House) -> dict[str, tuple[str, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ from mpvi_bt.choices.policies import PolicyInputs
 from mpvi_bt.choices.simulators import begin_elsewhere
 from mpvi_bt.choices.world_truth import Audit, TrueState
 from mpvi_bt.completion.oracle import OracleChecker
+from mpvi_bt.disturbances.answer_times import measured_times
 from mpvi_bt.episode.assembly import assemble, floors
 from mpvi_bt.episode.disturbed import faults_of, lateness_of
 from mpvi_bt.episode.metrics import Meter
@@ -45,6 +47,7 @@ from mpvi_bt.sim.world import World
 from mpvi_bt.things.catalogue import load_catalogue
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.substitute import stand_ins
+from mpvi_bt.writing import write_whole
 
 
 def run(
@@ -159,6 +162,10 @@ def run(
             "planning_s": getattr(policy, "planning_s", 0.0),
         },
     )
+    if config.times is not None:
+        planner_s = prepared.planned.latency_s if prepared.planned else None
+        times = measured_times(parts.took_s, outcome.log, planner_s)
+        write_whole(config.times, json.dumps(times))
     for recorded in demonstration:
         recorded.conclude(result.q, result.success)
     return result.model_dump(mode="json")
