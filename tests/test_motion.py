@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.arm_motion import stay, sweep
-from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.collision import Body, Surroundings
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
 
 
@@ -337,6 +338,24 @@ def test_what_held_the_base_up_is_noted_where_it_would_have_gone() -> None:
     assert low[1] > R1.hull.standing[:, 3].max()
     assert high[1] < R1.hull.standing[:, 3].max() + 0.15
     assert low[2] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("bearing", [0.0, 0.4, -0.8, 1.57, -2.4])
+def test_what_held_a_base_with_corners_up_is_noted_all_along_what_leads(bearing: float) -> None:
+    """It may be a corner that something holds up: wherever it stands before the base, it would be met once more."""
+    motion = Motion(replace(feeling(), robot="r1pro", torso=R1PRO.travel_torso.copy()))
+    goal = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    with pytest.raises(MotionFailure, match="base_blocked"):
+        play(motion, motion.drive(goal), lambda felt, action: felt)
+    posts, aside = Surroundings(motion.bumps), np.array([-np.sin(bearing), np.cos(bearing)])
+    across = R1PRO.base.corners @ aside
+    for y in np.linspace(across.min() + 0.06, across.max() - 0.06, 9):
+        ray = np.append(y * aside, 0.1) + np.outer(np.linspace(0.0, 0.8, 161), np.append(goal[:2], 0.0))
+        clear = posts.distance(ray) > 0.05
+        assert clear[0]
+        assert not clear.all()
+    base = R1PRO.hull.standing
+    assert (posts.distance(base[:, :3]) > base[:, 3]).all()
 
 
 def test_a_base_that_cannot_turn_is_said() -> None:

@@ -296,17 +296,32 @@ class Motion:
                 break
             yield self._moving(forward + 3.0 * error)
         if norm(left) > _ARRIVED_M:
-            self.bumps.append(self._met(left))
+            self.bumps += self._met(left)
         yield self.still()
 
-    def _met(self, way: Array) -> Solid:
-        """A post on the floor right before the base, where it would go `way` (2,) and something does not let it."""
+    def _met(self, way: Array) -> list[Solid]:
+        """Posts on the floor before the base, where it would go `way` (2,) and something does not let it.
+
+        One right before it. Of a base with corners any of what leads may be held up, to the side of its middle: a row.
+        """
         hull, toward = self.robot.hull, way / norm(way)
         low = hull.standing[hull.standing[:, 2] < hull.base[1]]
-        ahead = matmul(kin.rot_z(float(self.felt.base_pose[2]))[:2, :2].T, toward)
-        away, half = (matmul(low[:, :2], ahead) + low[:, 3]).max() + _POST_M + _OFF_M, hull.base[1] / 2
-        x, y = self.felt.base_pose[:2] + toward * away
-        return Solid("cylinder", np.array([_POST_M, _POST_M, half]), pose((float(x), float(y), float(half))))
+        turn = kin.rot_z(float(self.felt.base_pose[2]))[:2, :2]
+        ahead = matmul(turn.T, toward)
+        along, across, off = matmul(low[:, :2], ahead), matmul(low[:, :2], [-ahead[1], ahead[0]]), _POST_M + _OFF_M
+        if len(self.robot.base.corners):
+            row = np.linspace(across.min(), across.max(), 1 + int(np.ceil(np.ptp(across) / (2 * _POST_M))))
+            beside = np.abs(row[:, None] - across)
+            leads = along + np.sqrt(np.maximum((low[:, 3] + off) ** 2 - beside**2, 0.0))
+            away = np.where(beside < low[:, 3] + off, leads, -np.inf).max(1)
+        else:
+            row, away = np.zeros(1), np.array([(along + low[:, 3]).max() + _POST_M + _OFF_M])
+        half = hull.base[1] / 2
+        places = self.felt.base_pose[:2] + np.outer(away, toward) + np.outer(row, [-toward[1], toward[0]])
+        return [
+            Solid("cylinder", np.array([_POST_M, _POST_M, half]), pose((float(x), float(y), float(half))))
+            for x, y in places
+        ]
 
     def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:
         """The posture nearest to `near` that has the hand at a pose, from where the torso is."""
