@@ -253,6 +253,26 @@ def test_kinematics_agree_with_the_simulator() -> None:
     np.testing.assert_allclose(felt.torso, action[ActionLayout.TORSO], atol=0.005)
 
 
+def test_no_hand_that_is_in_a_link_of_the_trunk_counts_as_clear() -> None:
+    """Thigh and shin are boxes: a finger that met the corner of one let go of what it held, and stayed caught there."""
+    rng, met = np.random.default_rng(0), 0
+    for _ in range(40):
+        posture = [rng.uniform(0.05, 0.5), 0.0, rng.uniform(0.0, 1.1), 0.0]
+        torso = TRUNK.joints(np.array(posture))
+        thigh, shin, _ = TRUNK.links(torso)
+        q = rng.uniform(*r1pro.ARM_LIMITS["left"].T, (400, 7))
+        body = Body(R1PRO, torso, {"left": HANGING})
+        centers, radii = body.spheres("left", q)
+        gap = np.full(len(q), np.inf)
+        for T, length in ((thigh, r1pro.THIGH_M), (shin, r1pro.SHIN_M)):
+            half = [0.063, 0.0905, length / 2 + 0.0625]
+            off = np.abs((centers - T[:3, 3]) @ T[:3, :3] - [0.0, 0.0, length / 2]) - half
+            gap = np.minimum(gap, (np.linalg.norm(np.maximum(off, 0.0), axis=-1) - radii)[:, 2:].min(1))
+        met += int((gap < 0.0).sum())
+        assert (body.clearance("left", q)[1][gap < -0.002] < 0.0).all()
+    assert met > 50
+
+
 def test_the_posture_to_drive_in_is_clear_of_the_robot_itself_and_over_its_base() -> None:
     """Hanging arms are 2 cm clear of everything of the robot, and nowhere beyond the base's bounds."""
     body = Body(R1PRO, START, R1PRO.travel_arm)

@@ -154,6 +154,7 @@ class Body:
         itself = kernels.self_distance(
             p, radii, hull.hand_from, own, hands, self._from_chest, hull.boxes, hull.boxes_from, hull.columns,
             hull.base, hull.fold_m, *self._others(p2[0, :own2], r2[:own2]), mine.arrays, theirs.arrays,
+            self._link_boxes.arrays,
         )  # fmt: skip
         return around, itself
 
@@ -164,8 +165,9 @@ class Body:
         """
         there = replace(self, around=around, held=self.held if held is None else held)
         vars(there).update(
-            _chest=self._chest, _from_chest=self._from_chest, _links=self._links, _standing=self._standing
-        )
+            _chest=self._chest, _from_chest=self._from_chest, _links=self._links, _standing=self._standing,
+            _link_boxes=self._link_boxes,
+        )  # fmt: skip
         return there
 
     def spheres(self, side: Side, q: Array) -> tuple[Array, Array]:
@@ -207,6 +209,14 @@ class Body:
     @cached_property
     def _links(self) -> tuple[Array, Array]:
         return self.robot.links(self.torso)
+
+    @cached_property
+    def _link_boxes(self) -> Surroundings:
+        boxes = self.robot.hull.link_boxes
+        if not len(boxes):
+            return NOTHING
+        frames = zip(self.robot.trunk.links(self.torso), boxes, strict=False)
+        return Surroundings([Solid("box", b[3:], matmul(T, kin.transform(np.eye(3), b[:3]))) for T, b in frames])
 
     def _others(self, arm: Array, radii: Array) -> tuple[Array, Array]:
         """What an arm keeps clear of besides boxes: spheres of the other arm, and of the trunk's links."""

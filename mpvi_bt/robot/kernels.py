@@ -121,7 +121,7 @@ def _to_box(x, y, z, box):  # type: ignore
 
 @compiled
 def self_distance(  # type: ignore
-    p, radii, first_hand, own, hands, chest, boxes, boxes_from, columns, base, fold, p2, r2, mine, theirs
+    p, radii, first_hand, own, hands, chest, boxes, boxes_from, columns, base, fold, p2, r2, mine, theirs, links
 ):
     """(n,) how far an arm's spheres p (n, m, 3) keep from the robot: see `collision.Body.clearance`.
 
@@ -141,6 +141,7 @@ def self_distance(  # type: ignore
         r2: (k,) their radii.
         mine: What this hand holds, in its tcp frame: inverse poses, half extents, which are round.
         theirs: What the other hand holds, likewise in the base frame.
+        links: The trunk's links, likewise.
     """
     n, m = radii.shape[0], p.shape[0]
     out = np.empty(m)
@@ -163,6 +164,7 @@ def self_distance(  # type: ignore
             best = min(best, _to_solids(x, y, z, theirs[0], theirs[1], theirs[2], 9.0) - r)
             if s >= own:
                 continue
+            best = min(best, _to_solids(x, y, z, links[0], links[1], links[2], 9.0) - r)
             for j in range(p2.shape[0]):
                 dx, dy, dz = x - p2[j, 0], y - p2[j, 1], z - p2[j, 2]
                 best = min(best, math.sqrt(dx * dx + dy * dy + dz * dz) - r - r2[j])

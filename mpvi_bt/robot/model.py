@@ -72,6 +72,7 @@ class Hull:
         trunk: (n, 4) spheres in the chest frame, center and radius, that stand for head and chest among furniture.
         links: (n, 4) likewise in the frames of `Trunk.links`, which arms keep clear of, too.
         link: (n,) the frame that each is in.
+        link_boxes: (k, 6) centers and half extents in those frames, one each: what arms keep clear of exactly.
         standing: (n, 4) likewise in the base frame, for the base and what is fixed above it, wherever the torso is.
     """
 
@@ -88,6 +89,7 @@ class Hull:
     standing: Array
     links: Array = field(default_factory=lambda: np.zeros((0, 4)))
     link: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    link_boxes: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
     @cached_property
     def hand_from(self) -> int:

@@ -146,6 +146,7 @@ _HULL = Hull(
     standing=np.array([(x, y, 0.10, 0.099) for x, y in _DECK] + [(-0.1, 0, 0.31, 0.15)]),
     links=_LINKS,
     link=np.repeat([0, 1], [5, 3]),
+    link_boxes=np.array([(0, 0, 0.1995, 0.063, 0.089, 0.2625), (0, 0, 0.15, 0.063, 0.092, 0.213)]),  # as of the URDF
 )  # fmt: skip
 
 BASE = MobileBase(
