@@ -27,11 +27,35 @@ from mpvi_bt.scene.held import Held
 from mpvi_bt.scene.scene import Scene
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.shapes.from_above import outline
+from mpvi_bt.sim.world import World
+from mpvi_bt.testing import SceneBuilder
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 from tests.test_motion import obey, play, reaching
 
 EGG = {"object": "Easter egg", "container": "mixing bowl"}
+ON_THE_FLOOR = pose((0.6, 0.5, 0.02))
+
+
+def at_work(world: World) -> Work:
+    """A skill's view of a world that stands still, known by truth."""
+    return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+
+
+def egg_in_hand() -> World:
+    """The left hand holds an egg, a bowl is within reach."""
+    scene = SceneBuilder().thing("bowl", "mixing_bowl", (0.6, 0.0, 0.0)).thing("egg", "easter_egg")
+    return scene.in_hand("left", "egg").world()
+
+
+def let_fall(world: World, inside: bool) -> None:
+    """Have the egg lie in the bowl, or beside it."""
+    world.place("egg", world.pose("bowl") @ pose((0.0, 0.0, 0.03)) if inside else ON_THE_FLOOR)
+
+
+def nothing(*_: object, **__: object) -> Actions:
+    """Stands in for a motion of which nothing is to be seen here."""
+    yield from ()
 
 
 @pytest.mark.parametrize(
@@ -47,18 +71,12 @@ def test_what_falls_beside_its_container_is_put_in_once_more(
     monkeypatch: pytest.MonkeyPatch, falls_in: list[bool], reachable: bool, done: str
 ) -> None:
     """It is picked up where it lies and let go of again; what stays beside it, or out of reach, was missed."""
-    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 0.6, 0.5, 0.02)})
-    world.settle()
-    beside = world.pose("egg")
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    hands: dict[Side, str | None] = {"left": "egg", "right": None}
-    monkeypatch.setattr(work.scene, "holding", lambda side: hands[side])
-    log, falls = [], iter(falls_in)
+    world = egg_in_hand()
+    work, log, falls = at_work(world), [], iter(falls_in)
 
     def drop_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
         log.append("drop")
-        hands[side] = None
-        world.place("egg", world.pose(container) @ pose((0.0, 0.0, 0.03)) if next(falls) else beside)
+        let_fall(world, next(falls))
         yield from ()
         return True
 
@@ -67,15 +85,10 @@ def test_what_falls_beside_its_container_is_put_in_once_more(
         yield from ()
         if not reachable:
             raise MotionFailure("no_stance")
-        hands[side] = name
+        put_in_hands(world, {side: name})
 
-    def nothing(*_: object, **__: object) -> Actions:
-        yield from ()
-
-    for function in (drop_in, pick_up):
-        monkeypatch.setattr(place, function.__name__, function)
-    monkeypatch.setattr(place, "settle", nothing)
-    monkeypatch.setattr(place, "draw_in", nothing)
+    for name, stand_in in (("drop_in", drop_in), ("pick_up", pick_up), ("settle", nothing), ("draw_in", nothing)):
+        monkeypatch.setattr(place, name, stand_in)
     try:
         list(place.place_in(work, EGG, []))
     except MotionFailure as failure:
@@ -88,14 +101,11 @@ def test_an_arm_that_is_caught_after_it_has_let_go_fails_only_what_did_not_get_t
     monkeypatch: pytest.MonkeyPatch, falls_in: bool
 ) -> None:
     """To try again with nothing in hand would end the prompt, and the cabinet would stay open."""
-    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 0.6, 0.5, 0.02)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    monkeypatch.setattr(work.scene, "holding", lambda side: "egg" if side == "left" else None)
-    came_out = []
+    world = egg_in_hand()
+    work, came_out = at_work(world), []
 
     def drop_in(*_: object) -> Generator[Array, None, bool]:
-        if falls_in:
-            world.place("egg", world.pose("bowl") @ pose((0.0, 0.0, 0.03)))
+        let_fall(world, falls_in)
         yield from ()
         return True
 
@@ -116,13 +126,11 @@ def test_an_arm_that_is_caught_after_it_has_let_go_fails_only_what_did_not_get_t
 
 def test_what_slips_out_just_before_it_is_put_in_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
     """It may fall while the hand is brought before the body: that is a failure with its reason, no other error."""
-    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 0.6, 0.5, 0.02)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    hands: dict[Side, str | None] = {"left": "egg", "right": None}
-    monkeypatch.setattr(work.scene, "holding", lambda side: hands[side])
+    world = egg_in_hand()
+    work = at_work(world)
 
     def draw_in(work: Work) -> Actions:
-        hands["left"] = None
+        let_fall(world, inside=False)
         yield from ()
 
     monkeypatch.setattr(place, "draw_in", draw_in)
@@ -159,7 +167,7 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     """Straight from above the palm would meet a lid that stands upright at the rim of a jar; it is tilted off that."""
     world = small_world({"jar": placed("hinged_jar", 0.7, 0.1, yaw=yaw), "sausage": placed("bratwurst", 1.5, 1.5)})
     world.set_opening("jar", "lid", 1.5 / 1.9)
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
     motion = work.motion
     down = kin.transform(kin.hand_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0])), (0.5, -0.2, 0.7))
     q = motion.robot.nearest_posture(kin.inverse(motion.robot.chest(motion.torso)) @ down, "right", motion.arm("right"))
@@ -233,7 +241,7 @@ def test_a_thing_is_let_go_of_over_a_heap_where_there_is_nowhere_else(
 ) -> None:
     """An egg falls into an empty bowl of 12 cm; onto a heap below its rim only if asked to; onto a higher one never."""
     world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 1.5, 1.5, 0.02)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
     x, y = world.pose("bowl")[:2, 3].tolist()
     heap = box((x, y, filled_m / 2), (0.3, 0.3, filled_m + 1e-3))
     monkeypatch.setattr(work.scene, "within", lambda name: ["heap"])
@@ -249,7 +257,7 @@ def test_a_thing_is_let_go_of_over_a_heap_where_there_is_nowhere_else(
 def test_a_bottle_that_was_tipped_on_its_way_is_still_known_to_have_stood(taken: bool) -> None:
     """Upright is as it was when a hand took it, but turned about the vertical as now; unknown, what is nearest."""
     world = small_world({"bottle": placed("bottle_of_olive_oil", 1.5, 1.5)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
     standing = world.pose("bottle")[:3, :3]
     tipped = kin.rot_z(0.7) @ kin.rot_x(1.2) @ standing
     solids = tuple(world.solids("bottle"))
@@ -291,36 +299,37 @@ def test_what_cannot_fall_in_from_the_best_places_is_set_down_before_it_falls_fr
     monkeypatch: pytest.MonkeyPatch, room: bool
 ) -> None:
     """A bowl that fell in from the edge of a sink lay beside it; in a jar there is no room to set anything down."""
-    world = small_world({"jar": placed("hinged_jar", 0.7, 0.1), "sausage": placed("bratwurst", 1.5, 1.5)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    done: list[str] = []
+    scene = SceneBuilder().thing("jar", "hinged_jar", (0.7, 0.1, 0.0)).thing("sausage", "bratwurst")
+    world = scene.in_hand("right", "sausage").world()
+    work, done = at_work(world), list[str]()
+
+    def into_jar() -> None:
+        world.place("sausage", world.pose("jar") @ pose((0.0, 0.0, 0.05)))
 
     def drop_in(*_: object, anywhere: bool = False) -> Generator[Array, None, bool]:
         done.append("anywhere" if anywhere else "best")
-        yield np.zeros(23)
+        if anywhere:
+            into_jar()
+        yield from ()
         return anywhere
 
     def place_at(*_: object) -> Actions:
         done.append("set down")
         if not room:
             raise MotionFailure("no_free_spot")
-        yield np.zeros(23)
-
-    def settle(*_: object, **__: object) -> Actions:
+        into_jar()
         yield from ()
 
-    for name, stand_in in (("drop_in", drop_in), ("place_at", place_at), ("settle", settle), ("draw_in", settle)):
+    for name, stand_in in (("drop_in", drop_in), ("place_at", place_at), ("settle", nothing), ("draw_in", nothing)):
         monkeypatch.setattr(place, name, stand_in)
-    held = SimpleNamespace(name="sausage")
-    monkeypatch.setattr(work, "load", lambda side: held)
-    list(place._put_in(work, "right", "jar", []))
+    list(place.place_in(work, {"object": "bratwurst", "container": "jar"}, []))
     assert done == (["best", "set down"] if room else ["best", "set down", "anywhere"])
 
 
 def test_what_is_set_down_is_as_the_last_look_has_shown_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is round may be known in a frame that the next picture has turned: no hand turns for that."""
     world = small_world({"egg": placed("easter_egg", 0.6, 0.5, 0.02)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
     solids = tuple(world.solids("egg"))
     looks = [
         Held("egg", "right", kin.transform(kin.rot_z(turn), (0.0, 0.0, 0.0)), solids, Load(solids))
@@ -408,7 +417,7 @@ def test_a_hand_is_raised_as_far_as_its_arm_reaches(
 ) -> None:
     """By 10 cm, or half or a quarter of that; where even that is out of reach it says so."""
     world = small_world()
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
     z, went = work.motion.hand("left")[2, 3], []
 
     def line(side: Side, T: Array) -> Actions:
@@ -431,7 +440,7 @@ def test_a_hand_is_over_a_bin_where_what_it_holds_is_clear_of_its_rim(aside_m: f
     """However far the bin was pushed from where it stood."""
     world = small_world({"bin": placed("trash_can", 2.0, 0.0), "can": placed("can_of_soda", 3.0, 0.0)})
     put_in_hands(world, {"left": "can"})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
     at = world.pose("bin")
     at[:2, 3] = world.pose("can")[:2, 3] + [aside_m, 0.0]
     world.place("bin", at)
@@ -449,14 +458,11 @@ def test_what_has_fallen_in_is_in_though_the_hand_does_not_come_up(
     taken: list[None] = []
     seen = iter(above)
     world = small_world()
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work = at_work(world)
 
     def found(*_: object) -> Generator[Array, None, tuple[None, None]]:
         yield from ()
         return None, None
-
-    def nothing(*_: object) -> Actions:
-        yield from ()
 
     def rise(side: Side) -> Actions:
         raise MotionFailure("no_reach")
@@ -490,9 +496,6 @@ def test_what_an_arm_hides_half_of_is_where_it_was_set_down(
     table_m, bottle = 0.42, SimpleNamespace(name="bottle")
     seen = box((0.5, 0.0, table_m + (low_m + high_m) / 2), (0.07, 0.07, high_m - low_m))
     scene = SimpleNamespace(solids=lambda name: [seen])
-
-    def nothing(*_: object, **__: object) -> Actions:
-        yield from ()
 
     def place_at(*_: object) -> Generator[Array, None, Array]:
         yield from ()
