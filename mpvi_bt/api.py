@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.parameters import Value
@@ -25,6 +25,7 @@ from mpvi_bt.plan.schema import Plan
 from mpvi_bt.tree.spec import TreeSpec
 
 if TYPE_CHECKING:
+    from mpvi_bt.choices.setting_keywords import EpisodeKeywords, SuiteKeywords
     from mpvi_bt.episode.result import Result
     from mpvi_bt.executive.loop import Outcome, Subscriber
     from mpvi_bt.instances.tasks import Task
@@ -114,7 +115,7 @@ def run(
     arguments: Mapping[str, Value] | None = None,
     out: File | None = None,
     subscribers: Sequence[Subscriber] = (),
-    **settings: Any,
+    **settings: Unpack[EpisodeKeywords],
 ) -> Result:
     """Run one episode, as `mpvi run` does.
 
@@ -202,7 +203,7 @@ def run_suite(
     instances: Sequence[int] = (),
     workers: int | None = None,
     progress: bool = True,
-    **settings: Any,
+    **settings: Unpack[SuiteKeywords],
 ) -> Told:
     """Run the episodes of a suite that have no result yet, as `mpvi suite run` does.
 

@@ -17,6 +17,7 @@ from mpvi_bt import api
 from mpvi_bt.episode.result import Result
 from mpvi_bt.suite.store import Store
 from mpvi_bt.tree.yaml_io import parse_tree
+from tests import setting_keywords
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 
@@ -36,6 +37,13 @@ def test_type_checkers_see_what_is_offered() -> None:
     block = source.partition("if TYPE_CHECKING:")[2].partition("\n\n")[0]
     seen = [name.strip() for line in block.splitlines()[1:] for name in line.partition(" import ")[2].split(",")]
     assert sorted(seen) == sorted(mpvi_bt.__all__)
+
+
+def test_type_checkers_know_every_setting_by_keyword() -> None:
+    """A keyword that is misspelt, or of another type, is found before anything runs."""
+    assert setting_keywords.FILE.read_text(encoding="utf-8") == setting_keywords.text(), (
+        "python -m tests.setting_keywords"
+    )
 
 
 def test_what_is_not_offered_is_no_attribute() -> None:
