@@ -109,10 +109,10 @@ class Discoveries:
         Returns:
             (2, 3) lowest and highest corner of each thing that the hands have just taken, where it was.
         """
-        before = set(self._carrying.grips)
-        for name in self._carrying.feel(body):
+        let_go, taken = self._carrying.feel(body)
+        for name in let_go:
             self._looks[name].near_m = None
-        return [g.loads[g.name].box for h, g in self._carrying.grips.items() if g is not None and h not in before]
+        return taken
 
     def see(self, image: CameraImage, body: Proprioception) -> list[Entry]:
         """Take in one picture.
@@ -146,8 +146,8 @@ class Discoveries:
             entries.append(known)
         self._absorb(entries)
         self._doubt(image, {entry.name for entry in entries}, unplaced)
-        self._carrying.adopt(new, body)
-        self._carrying.sort(body)
+        self._carrying.adopt(new)
+        self._carrying.sort()
         return entries
 
     # ------------------------------------------------------------------------------------------ association
