@@ -260,7 +260,8 @@ def test_no_hand_that_is_in_a_link_of_the_trunk_counts_as_clear() -> None:
         posture = [rng.uniform(0.05, 0.5), 0.0, rng.uniform(0.0, 1.1), 0.0]
         torso = TRUNK.joints(np.array(posture))
         thigh, shin, _ = TRUNK.links(torso)
-        q = rng.uniform(*r1pro.ARM_LIMITS["left"].T, (400, 7))
+        low, high = r1pro.ARM_LIMITS["left"].T
+        q = rng.uniform(low, high, (400, 7))
         body = Body(R1PRO, torso, {"left": HANGING})
         centers, radii = body.spheres("left", q)
         gap = np.full(len(q), np.inf)
