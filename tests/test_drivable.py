@@ -82,3 +82,14 @@ def test_corners_that_swing_out_as_a_turn_begins_are_heeded() -> None:
     post = box((-0.30, half + 0.07, 0.15), (0.04, 0.04, 0.3))
     assert site(post).stands(START[None])[0]
     assert not site(post).drivable(START, np.array([0.0, 0.0, -0.6]))
+
+
+def test_a_base_with_corners_turns_where_there_is_room_for_it() -> None:
+    """Out of a passage, or into one, in which it has no room to turn: it drives as it stands, or turns first."""
+    walls = [box((0.0, side * 0.45, 0.15), (1.4, 0.1, 0.3)) for side in (-1, 1)]
+    outside, there = np.array([1.3, 0.0, np.pi / 2]), site(*walls)
+    for start, goal in ((START, outside), (outside, START)):
+        assert not there.drivable(start, goal)
+        way = there.route(start, goal)
+        assert way is not None
+        np.testing.assert_allclose(way, [[1.3, 0.0, 0.0], goal], atol=1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -310,13 +310,20 @@ class Site:
         """Base poses to drive to `goal` by: straight, or by one place on the way."""
         if self.drivable(here, goal):
             return [goal]
+        for via in self._vias(here, goal):
+            if self.stands(via[None])[0] and self.drivable(here, via) and self.drivable(via, goal):
+                return [via, goal]
+        return None
+
+    def _vias(self, here: Array, goal: Array) -> Iterator[Array]:
+        """Base poses (3,) that the way may lead by; a base with corners may turn at one end of it only."""
+        if len(self.motion.robot.base.corners):
+            yield np.append(goal[:2], here[2])
+            yield np.append(here[:2], goal[2])
         for start in (here, goal):
             for x, y in _WAYS.vias_m:
                 c, s = np.cos(start[2]), np.sin(start[2])
-                via = np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
-                if self.stands(via[None])[0] and self.drivable(here, via) and self.drivable(via, goal):
-                    return [via, goal]
-        return None
+                yield np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
 
     def drivable(self, start: Array, goal: Array) -> bool:
         """Straight from start to goal: nothing in the way of the base, of a knee before it, or of what it carries."""
