@@ -31,6 +31,11 @@ class Obstacles(Protocol):
         ...
 
 
+_Solids = tuple[Array, Array, NDArray[np.bool_]]  # inverse poses (n, 4, 4), half extents (n, 3), which are round
+# Centers (n, 3) and radii (n,) of the other arm and the trunk's links; what the other hand holds; links that are boxes.
+_Rest = tuple[Array, Array, _Solids, _Solids]
+
+
 class Surroundings:
     """Solids stacked so that distances to all of them come at once; balls count as the cylinders around them."""
 
@@ -52,7 +57,7 @@ class Surroundings:
         return np.asarray(kernels.solids_distance(flat, *self.arrays).reshape(p.shape[:-1]))
 
     @property
-    def arrays(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def arrays(self) -> _Solids:
         """Inverse poses (n, 4, 4), half extents (n, 3) and which are round (n,), for `kernels`."""
         return self._inverse, self._half, self._round
 
@@ -109,9 +114,6 @@ class Load:
         return other
 
 
-_NO_ARM = np.zeros((1, 0, 3)), np.eye(4)[None], np.zeros(0), 0  # as `Body._arm_points` has an arm
-
-
 @dataclass(frozen=True, eq=False)
 class Body:
     """The robot in one posture, and what it holds; says which postures of an arm are free.
@@ -142,21 +144,27 @@ class Body:
             Distance to the surroundings and distance to the robot itself.
         """
         p, hands, radii, own = self._arm_points(side, q, grasping)
-        around = (self.around.distance(p) - radii).min(1)
-        idle, hull = other(side), self.robot.hull
-        stands = idle, self.held.get(idle)
-        if stands not in self._standing:
-            there = idle in self.arms
-            self._standing[stands] = self._arm_points(idle, self.arms[idle], False) if there else _NO_ARM
-        p2, hands2, r2, own2 = self._standing[stands]
-        theirs = self.held[idle].solids.seen_from(kin.inverse(hands2[0])) if idle in self.held else NOTHING
-        mine = self.held[side].solids if side in self.held else NOTHING
-        itself = kernels.self_distance(
-            p, radii, hull.hand_from, own, hands, self._from_chest, hull.boxes, hull.boxes_from, hull.columns,
-            hull.base, hull.fold_m, *self._others(p2[0, :own2], r2[:own2]), mine.arrays, theirs.arrays,
-            self._link_boxes.arrays,
-        )  # fmt: skip
-        return around, itself
+        return (self.around.distance(p) - radii).min(1), self._from_itself(side, p, hands, radii, own)
+
+    def _from_itself(self, side: Side, p: Array, hands: Array, radii: Array, own: int) -> Array:
+        """How far an arm keeps from the robot itself (n,), as `_arm_points` has it."""
+        hull, mine = self.robot.hull, self.held[side].solids if side in self.held else NOTHING
+        return np.asarray(kernels.self_distance(
+            p, radii, hull.hand_from, own, hands, self.from_chest, hull.boxes, hull.boxes_from, hull.columns,
+            hull.base, hull.fold_m, *self._rest(other(side)), mine.arrays,
+        ))  # fmt: skip
+
+    def _rest(self, idle: Side) -> _Rest:
+        """What an arm keeps clear of besides boxes, with the other one as it stands."""
+        load = self.held.get(idle)
+        if (idle, load) not in self._rests:
+            centers, radii, theirs = *self._links, NOTHING
+            if idle in self.arms:
+                p, hands, r, own = self._arm_points(idle, self.arms[idle], False)
+                centers, radii = np.concatenate([p[0, :own], centers]), np.concatenate([r[:own], radii])
+                theirs = NOTHING if load is None else load.solids.seen_from(kin.inverse(hands[0]))
+            self._rests[idle, load] = centers, radii, theirs.arrays, self._link_boxes.arrays
+        return self._rests[idle, load]
 
     def amid(self, around: Obstacles, held: Mapping[Side, Load] | None = None) -> Body:
         """The same posture with other things around it, and other loads if they are given.
@@ -165,9 +173,8 @@ class Body:
         """
         there = replace(self, around=around, held=self.held if held is None else held)
         vars(there).update(
-            _chest=self._chest, _from_chest=self._from_chest, _links=self._links, _standing=self._standing,
-            _link_boxes=self._link_boxes,
-        )  # fmt: skip
+            _chest=self._chest, from_chest=self.from_chest, _links=self._links, _trunk=self._trunk, _rests=self._rests
+        )
         return there
 
     def spheres(self, side: Side, q: Array) -> tuple[Array, Array]:
@@ -182,17 +189,17 @@ class Body:
 
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
-        around, itself = self.clearance(side, q, grasping)
-        return np.asarray((around > margin) & (itself > 0.0))
+        p, hands, radii, own = self._arm_points(side, q, grasping)
+        out = np.asarray((self.around.distance(p) - radii).min(1) > margin)
+        if out.any():
+            some = slice(None) if out.all() else out
+            out[some] = self._from_itself(side, p[some], hands[some], radii, own) > 0.0
+        return out
 
     def trunk_free(self) -> bool:
         """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
-        T, trunk = self.robot.chest(self.torso), self.robot.hull.trunk
-        centers, radii = self._links
-        chest = matmul(trunk[:, :3], T[:3, :3].T) + T[:3, 3]
-        return all(
-            bool((self.around.distance(p) > r).all()) for p, r in ((chest, trunk[:, 3]), (centers, radii)) if len(r)
-        )
+        centers, radii = self._trunk
+        return bool((self.around.distance(centers) > radii).all())
 
     def all_free(self) -> bool:
         """Whether arms and trunk are free as they stand."""
@@ -203,12 +210,21 @@ class Body:
         return self.robot.chest(self.torso)
 
     @cached_property
-    def _from_chest(self) -> Array:
+    def from_chest(self) -> Array:
+        """T_chest_base (4, 4)."""
         return kin.inverse(self._chest)
 
     @cached_property
     def _links(self) -> tuple[Array, Array]:
         return self.robot.links(self.torso)
+
+    @cached_property
+    def _trunk(self) -> tuple[Array, Array]:
+        """Spheres about head, chest and the trunk's links in the base frame: centers (n, 3) and radii (n,)."""
+        T, trunk = self._chest, self.robot.hull.trunk
+        centers, radii = self._links
+        chest = matmul(trunk[:, :3], T[:3, :3].T) + T[:3, 3]
+        return np.concatenate([chest, centers]), np.concatenate([trunk[:, 3], radii])
 
     @cached_property
     def _link_boxes(self) -> Surroundings:
@@ -218,14 +234,9 @@ class Body:
         frames = zip(self.robot.trunk.links(self.torso), boxes, strict=False)
         return Surroundings([Solid("box", b[3:], matmul(T, kin.transform(np.eye(3), b[:3]))) for T, b in frames])
 
-    def _others(self, arm: Array, radii: Array) -> tuple[Array, Array]:
-        """What an arm keeps clear of besides boxes: spheres of the other arm, and of the trunk's links."""
-        centers, more = self._links
-        return (np.concatenate([arm, centers]), np.concatenate([radii, more])) if len(more) else (arm, radii)
-
     @cached_property
-    def _standing(self) -> dict[tuple[Side, Load | None], tuple[Array, Array, Array, int]]:
-        return {}  # `_arm_points` of the arms as they stand, by what they hold, once they are asked for
+    def _rests(self) -> dict[tuple[Side, Load | None], _Rest]:
+        return {}  # `_rest`, by arm and what it holds, once it is asked for
 
     def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, Array, int]:
         """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own."""
@@ -235,7 +246,7 @@ class Body:
         if side in self.held:
             load = self.held[side]
             centers, radii = np.concatenate([centers, load.centers]), np.concatenate([radii, load.radii])
-            link = np.append(link, np.full(len(load.radii), link.max()))
+            link = np.concatenate([link, np.full(len(load.radii), hull.hand_frame)])
         q = np.ascontiguousarray(np.atleast_2d(q), float)
         p, hands = kernels.sphere_centers(self.robot.arms[side].frames(q), self._chest, centers, link)
         return p, hands, radii, own

@@ -121,7 +121,7 @@ def _to_box(x, y, z, box):  # type: ignore
 
 @compiled
 def self_distance(  # type: ignore
-    p, radii, first_hand, own, hands, chest, boxes, boxes_from, columns, base, fold, p2, r2, mine, theirs, links
+    p, radii, first_hand, own, hands, chest, boxes, boxes_from, columns, base, fold, p2, r2, theirs, links, mine
 ):
     """(n,) how far an arm's spheres p (n, m, 3) keep from the robot: see `collision.Body.clearance`.
 
@@ -139,9 +139,9 @@ def self_distance(  # type: ignore
         fold: How near the hand may come to the middle of its own shoulder.
         p2: (k, 3) spheres of the other arm and of the trunk's links.
         r2: (k,) their radii.
-        mine: What this hand holds, in its tcp frame: inverse poses, half extents, which are round.
-        theirs: What the other hand holds, likewise in the base frame.
+        theirs: What the other hand holds, in the base frame: inverse poses, half extents, which are round.
         links: The trunk's links, likewise.
+        mine: What this hand holds, likewise in its tcp frame.
     """
     n, m = radii.shape[0], p.shape[0]
     out = np.empty(m)

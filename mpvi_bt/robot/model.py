@@ -92,9 +92,14 @@ class Hull:
     link_boxes: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
     @cached_property
+    def hand_frame(self) -> int:
+        """The frame that the spheres of the hand are in."""
+        return int(self.frame.max())
+
+    @cached_property
     def hand_from(self) -> int:
         """The first of the spheres of the hand."""
-        return int(np.argmax(self.frame == self.frame.max()))
+        return int(np.argmax(self.frame == self.hand_frame))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +209,8 @@ class RobotModel:
 
     def links(self, torso: Array) -> tuple[Array, Array]:
         """Spheres about the trunk's links at joints (4,), of which there may be none: centers (n, 3) and radii (n,)."""
+        if not len(self.hull.links):  # searches ask thousands of times
+            return np.zeros((0, 3)), np.zeros(0)
         T = self.trunk.links(torso)[self.hull.link]
         return matmul(T[:, :3, :3], self.hull.links[:, :3, None])[..., 0] + T[:, :3, 3], self.hull.links[:, 3]
 

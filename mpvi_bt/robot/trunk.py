@@ -12,7 +12,6 @@ from typing import Protocol
 import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array
 
 _ROUNDING = 1e-9  # [rad] that a joint at its limit may be computed beyond it
@@ -83,10 +82,16 @@ class LiftTrunk:
     def chest(self, joints: Array) -> Array:
         """T_base_chest (..., 4, 4) of lift, yaw, pitch (..., >= 3)."""
         joints = np.asarray(joints, float)
-        up = np.zeros((*joints.shape[:-1], 3))
-        up[..., :2] = self.waist[:2]
-        up[..., 2] = self.waist[2] + joints[..., 0] + self.chest_m
-        return kin.transform(matmul(kin.rot_z(joints[..., 1]), kin.rot_y(joints[..., 2])), up)
+        yaw, pitch = joints[..., 1], joints[..., 2]
+        c, s, ahead, aside = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+        T = np.zeros((*joints.shape[:-1], 4, 4))  # a turn about z, then one about y: searches ask this very often
+        T[..., 0, 0], T[..., 0, 1], T[..., 0, 2] = ahead * c, -aside, ahead * s
+        T[..., 1, 0], T[..., 1, 1], T[..., 1, 2] = aside * c, ahead, aside * s
+        T[..., 2, 0], T[..., 2, 2] = -s, c
+        T[..., 0, 3], T[..., 1, 3] = self.waist[:2]
+        T[..., 2, 3] = self.waist[2] + joints[..., 0] + self.chest_m
+        T[..., 3, 3] = 1.0
+        return T
 
     def links(self, joints: Array) -> Array:
         """None: a column does not bend."""

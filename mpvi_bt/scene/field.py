@@ -113,23 +113,17 @@ class Field:
         other._to_world = matmul(self._to_world, T)
         return other
 
-    def depth_within(self, p: Array) -> Array:
-        """(...,) distance [m] of points (..., 3) to the border of the field; 0 outside."""
-        at = matmul(p, self._to_world[:3, :3].T) + self._to_world[:3, 3] - self._low
-        size = np.array(self.blocked.shape) * self._cell
-        return np.asarray(np.maximum(np.minimum(at, size - at).min(-1), 0.0))
-
-    def distance(self, p: Array, outside: float = _FAR) -> Array:
-        """(...,) distance [m] of points (..., 3) to the nearest blocked cell; 0 within one, at the most 9.
-
-        Args:
-            p: The points.
-            outside: What is said of points outside of the field.
-        """
-        flat = np.ascontiguousarray(p.reshape(-1, 3), np.float64)
+    def distance(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) to the nearest blocked cell; 0 within one, at the most 9."""
+        flat = np.ascontiguousarray(p, np.float64).reshape(-1, 3)
         out = np.empty(len(flat))
-        kernels()["look_up"](self._distance, flat, self._to_world, self._low, self._cell, _FAR, outside, out)
+        kernels()["look_up"](*self.cells, flat, _FAR, out)
         return out.reshape(p.shape[:-1])
+
+    @property
+    def cells(self) -> tuple[NDArray[np.float32], Array, Array, float]:
+        """Distances (n, m, k) of cells, the frame (4, 4) in the world, their lowest corner, their edge: for kernels."""
+        return self._distance, self._to_world, self._low, self._cell
 
 
 class FineField:
@@ -145,10 +139,11 @@ class FineField:
 
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to what may be in the way; 9 if there is nothing."""
-        coarse, fine = self._coarse.distance(p), self._fine.distance(p, outside=0.0)  # outside of it is anything
-        if (fine <= coarse).all():
-            return coarse
-        return np.maximum(coarse, np.minimum(fine, self._fine.depth_within(p)))
+        flat = np.ascontiguousarray(p, np.float64).reshape(-1, 3)
+        out = np.empty(len(flat))
+        kernels()["look_up"](*self._coarse.cells, flat, _FAR, out)
+        kernels()["refine"](*self._fine.cells, flat, _FAR, out)
+        return out.reshape(p.shape[:-1])
 
 
 def distance_to(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -168,8 +163,8 @@ _HIDDEN, _FREE, _VEILED = 1, 2, 3
 @cache
 def kernels() -> dict[str, Callable[..., None]]:
     """The compiled loops."""
-    loops = {"carve": _carve, "look_up": _look_up, "squared": _squared, "score": _score, "recall": _recall}
-    return {name: compiled(loop) for name, loop in loops.items()}
+    loops = (_carve, _look_up, _refine, _squared, _score, _recall)
+    return {loop.__name__.lstrip("_"): compiled(loop) for loop in loops}
 
 
 def _carve(doubt, depth, own, T, camera, cell, surface, noise, thick):  # type: ignore
@@ -249,8 +244,8 @@ def _recall(score, i, j, k, z, cell, low, twice, tall_m, whole, overhead, stays,
                 stays[a, b, c] = (z[c] < top_m and top_m > overhead) or (seen and z[c] > overhead)
 
 
-def _look_up(distance, points, T, low, cell, far, outside, out):  # type: ignore
-    """The distance at each point, of the cell that it lies in."""
+def _look_up(distance, T, low, cell, points, far, out):  # type: ignore
+    """The distance at each point, of the cell that it lies in; `far` outside."""
     for n in range(points.shape[0]):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         i = int(np.floor((T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3] - low[0]) / cell))
@@ -260,7 +255,24 @@ def _look_up(distance, points, T, low, cell, far, outside, out):  # type: ignore
         if inside and i < distance.shape[0] and j < distance.shape[1] and k < distance.shape[2]:
             out[n] = min(max(distance[i, j, k], 0.0), far)
         else:
-            out[n] = outside
+            out[n] = far
+
+
+def _refine(distance, T, low, cell, points, far, out):  # type: ignore
+    """Raise distances to those of a finer field, as far as its border: outside of it may be anything."""
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        u = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3] - low[0]
+        v = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3] - low[1]
+        w = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3] - low[2]
+        border = min(u, v, w)
+        for at, count in ((u, distance.shape[0]), (v, distance.shape[1]), (w, distance.shape[2])):
+            border = min(border, count * cell - at)
+        if border <= out[n]:
+            continue
+        i, j, k = int(np.floor(u / cell)), int(np.floor(v / cell)), int(np.floor(w / cell))
+        if i < distance.shape[0] and j < distance.shape[1] and k < distance.shape[2]:
+            out[n] = max(out[n], min(max(distance[i, j, k], 0.0), far, border))
 
 
 def _squared(blocked, out):  # type: ignore

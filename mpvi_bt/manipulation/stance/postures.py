@@ -68,7 +68,8 @@ def stance_at(
     """
     base = lane[-1]
     T = kin.inverse(kin.base(base))
-    goals = [np.stack([matmul(T, w) for w in options[k].waypoints]) for k in able]
+    ends = np.cumsum([len(options[k].waypoints) for k in able])
+    goals = np.split(matmul(T, np.concatenate([options[k].waypoints for k in able])), ends[:-1])
     keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
     key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
     torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _POSTURE.pitches_rad, swivels=12)
@@ -149,9 +150,9 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
 
 def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: Array, key: int, q_key: Array) -> bool:
     """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at."""
-    chest = kin.inverse(body.robot.chest(body.torso))
-    for k, goal in enumerate(goals):
-        near = q_key if k == key else body.robot.nearest_posture(matmul(chest, goal), site.side, q_key)
+    targets = matmul(body.from_chest, goals)
+    for k, target in enumerate(targets):
+        near = q_key if k == key else body.robot.nearest_posture(target, site.side, q_key)
         if near is None or not _free(site, body, base, option, k, near):
             return False
     return True
@@ -220,8 +221,9 @@ def _leads(site: Site, body: Body, lane: Array, q: Array, touched: bool, slack: 
     """Whether the robot, its arm in posture `q`, is clear of everything all along a lane."""
     idle = other(site.side)
     arms = {**body.arms, site.side: q}
+    led = replace(body, arms=arms)
     for base in lane:
-        there = replace(body, around=site.around(base, touched), arms=arms)
+        there = led.amid(site.around(base, touched))
         if not (there.trunk_free() and there.free(site.side, q, -slack, grasping=slack > 0)[0]
                 and (idle not in arms or there.clearance(idle, arms[idle])[0][0] > 0)):  # fmt: skip
             return False

@@ -384,7 +384,15 @@ class Site:
     def body(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array] | None = None) -> Body:
         """The robot in a posture, with what it holds."""
         arms = arms or {s: self.motion.arm(s) for s in self.motion.robot.sides}
-        return Body(self.motion.robot, torso, arms, {s: h.load for s, h in self.held.items()}, around)
+        key = torso.tobytes(), *(q.tobytes() for q in arms.values())
+        if key not in self._bodies:
+            held = {s: h.load for s, h in self.held.items()}
+            self._bodies[key] = Body(self.motion.robot, torso, dict(arms), held)
+        return self._bodies[key].amid(around)
+
+    @cached_property
+    def _bodies(self) -> dict[tuple[bytes, ...], Body]:
+        return {}  # by posture, among nothing: a search takes the same ones at every base pose
 
     def stood(
         self, torso: Array, around: Obstacles, arms: Mapping[Side, Array], first: Array | None = None

@@ -187,16 +187,20 @@ class Search(Site):
     def fits(self, option: Option) -> bool:
         """Whether the bare hand, with what it holds, is clear of everything at each waypoint, whatever the arm does."""
         hand, takes = self.motion.robot.hand, option.load is not None
+        parts: dict[bool, list[tuple[Array, Array]]] = {True: [], False: []}  # by whether it may touch what it works on
         for k, T in enumerate(option.waypoints):
-            around = self.everything if k < option.contact else self.rest
-            parts = [(*hand.palm, TOUCH_M)]
+            spheres = [(hand.palm[0], hand.palm[1] - TOUCH_M)]
             if k <= option.contact if takes else k >= option.contact:
-                parts.append((*hand.fingers(option.opening_m), 0.0))
+                spheres.append(hand.fingers(option.opening_m))
             load = None if k == option.contact else self._load(k, option)
             if load is not None:
-                parts.append((load.centers, load.radii, TOUCH_M))
-            for centers, radii, slack in parts:
-                if (around.distance(matmul(centers, T[:3, :3].T) + T[:3, 3]) < radii - slack).any():
+                spheres.append((load.centers, load.radii - TOUCH_M))
+            centers, radii = (np.concatenate(some) for some in zip(*spheres, strict=True))
+            parts[k >= option.contact].append((matmul(centers, T[:3, :3].T) + T[:3, 3], radii))
+        for touching, some in parts.items():
+            if some:
+                centers, radii = (np.concatenate(each) for each in zip(*some, strict=True))
+                if ((self.rest if touching else self.everything).distance(centers) < radii).any():
                     return False
         return True
 
