@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.compiled import compiled_later
 from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array, Solid
@@ -177,8 +178,7 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
             return
         n = np.stack([-along[good, 1], along[good, 0]], 1) / length[good, None]
         d = (n * a[good, :2]).sum(1)
-        off = np.abs(matmul(sample[free, :2], n.T) - d)
-        best = int((off < slack[free, None]).sum(0).argmax())
+        best = int(_on_lines(sample[free, :2], slack[free], n, d).argmax())
         normal, distance = n[best], d[best]
         for _ in range(3):  # settle on the points themselves
             near = np.abs(matmul(points[:, :2], normal) - distance) < tolerance
@@ -197,6 +197,17 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
         sign = 1.0 if matmul(normal, eye[:2]) > distance else -1.0
         n3 = np.append(sign * normal, 0.0)
         yield _Plane(n3, sign * distance, np.cross(_Z, n3), own)
+
+
+@compiled_later
+def _on_lines(xy, slack, n, d):  # type: ignore
+    """(m,) how many points (k, 2) lie within their slack (k,) of lines n . p = d."""
+    out = np.zeros(n.shape[0], np.int64)
+    for line in range(n.shape[0]):
+        for k in range(xy.shape[0]):
+            if abs(xy[k, 0] * n[line, 0] + xy[k, 1] * n[line, 1] - d[line]) < slack[k]:
+                out[line] += 1
+    return out
 
 
 def _fronts_on(points: Array, plane: _Plane, eye: Array) -> list[_Front]:

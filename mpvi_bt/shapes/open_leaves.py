@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.compiled import compiled_later
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
@@ -177,15 +178,31 @@ def within_drawer(door: Door) -> Solid | None:
 def _headings(steep: Array) -> list[float]:
     """Angles [rad], modulo a right angle, along which points lie in rows, the sharpest first."""
     angles = np.radians(np.arange(0.0, 90.0, _LEAF.turn_deg))
-    sharp = np.array([
-        sum(float((np.bincount(np.floor((row - row.min()) / _LEAF.row_m).astype(int)) ** 2.0).sum()) for row in rows)
-        for rows in (matmul([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0]], steep.T) for a in angles)
-    ])  # fmt: skip
+    sharp = _in_step(steep, np.cos(angles), np.sin(angles), _LEAF.row_m)
     out: list[int] = []
     for i in np.argsort(-sharp):
         if all(min(abs(i - j), len(angles) - abs(i - j)) > _LEAF.apart_deg / _LEAF.turn_deg for j in out):
             out.append(int(i))
     return [float(angles[i]) for i in out[: _LEAF.headings]]
+
+
+@compiled_later
+def _in_step(points, c, s, row_m):  # type: ignore
+    """(n,) the sum of squared counts of rows of points along two axes that are turned by angles of cosines `c` (n,)."""
+    out = np.zeros(len(c))
+    row = np.empty(len(points))
+    for k in range(len(c)):
+        for axis in range(2):
+            x, y = (c[k], s[k]) if axis == 0 else (-s[k], c[k])
+            for i in range(len(points)):
+                row[i] = x * points[i, 0] + y * points[i, 1]
+            low = row.min()
+            counts = np.zeros(int((row.max() - low) / row_m) + 1)
+            for i in range(len(points)):
+                counts[int((row[i] - low) / row_m)] += 1.0
+            for count in counts:
+                out[k] += count * count
+    return out
 
 
 def _steep(points: Array) -> NDArray[np.bool_]:
