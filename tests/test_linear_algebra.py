@@ -113,7 +113,7 @@ def test_a_turn_is_that_of_scipy(seed: int) -> None:
     start = Rotation.random(rng=rng)
     slight = Rotation.from_rotvec(1e-5 * rng.normal(size=3))
     for turn in (Rotation.random(rng=rng), slight, Rotation.identity()):
-        ends = [quaternion(r.as_matrix()) for r in (start, start * turn)]
-        way = Slerp([0, 1], Rotation.from_quat(ends))(shares)
-        np.testing.assert_allclose(matrices(between(*ends, shares)), way.as_matrix(), atol=1e-14)
-        assert abs(angle(*ends) - turn.magnitude()) < 1e-7
+        p, q = quaternion(start.as_matrix()), quaternion((start * turn).as_matrix())
+        way = Slerp([0, 1], Rotation.from_quat([p, q]))(shares)
+        np.testing.assert_allclose(matrices(between(p, q, shares)), way.as_matrix(), atol=1e-14)
+        assert abs(angle(p, q) - float(turn.magnitude())) < 1e-7
