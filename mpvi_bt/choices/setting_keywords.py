@@ -52,3 +52,4 @@ class EpisodeKeywords(SuiteKeywords, total=False):
     rerun: File | None
     demonstration: File | None
     demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30]
+    times: File | None
