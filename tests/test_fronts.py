@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.skills.openings import moved
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.shapes.fronts import fronts
-from mpvi_bt.shapes.moving_parts import Door
+from mpvi_bt.shapes.moving_parts import Door, moved
 from mpvi_bt.sim.world import World
 from tests.small_house import small_world
 

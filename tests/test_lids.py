@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import open_
-from mpvi_bt.manipulation.skills.close import pushes
+from mpvi_bt.manipulation.skills.bar_courses import swings
 from mpvi_bt.manipulation.skills.open import _rise_off
-from mpvi_bt.manipulation.skills.openings import lid, moved, outward, swings
+from mpvi_bt.manipulation.skills.push_courses import pushes
 from mpvi_bt.manipulation.stance.grasps import grasps
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.shapes.moving_parts import lid, moved, outward
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 from tests.test_open import play, work_in

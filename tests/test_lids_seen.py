@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mpvi_bt.manipulation.skills.open import behind
-from mpvi_bt.manipulation.skills.openings import lid as is_lid
 from mpvi_bt.robot.solids import Solid, pose
 from mpvi_bt.shapes.box_lids import lid
 from mpvi_bt.shapes.fit import fit
+from mpvi_bt.shapes.moving_parts import lid as is_lid
 from tests.small_house import placed, small_world
 from tests.test_fronts import seen
 from tests.test_lids import DESK, lidded

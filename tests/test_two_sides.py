@@ -11,16 +11,17 @@ import pytest
 
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills import close as closing
-from mpvi_bt.manipulation.skills.close import close, is_closed, pushes
+from mpvi_bt.manipulation.skills.close import close, is_closed
 from mpvi_bt.manipulation.skills.open import course_search, is_open, open_
-from mpvi_bt.manipulation.skills.openings import moved, outward, panel, seen_twice, stand_before, stand_before_open
+from mpvi_bt.manipulation.skills.openings import seen_twice, stand_before, stand_before_open
+from mpvi_bt.manipulation.skills.push_courses import pushes
 from mpvi_bt.manipulation.stance.course import CourseSearch
 from mpvi_bt.manipulation.stance.effort import Effort
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import box
 from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.moving_parts import Door
+from mpvi_bt.shapes.moving_parts import Door, moved, outward, panel
 from mpvi_bt.sim.world import World
 from tests.small_house import small_world
 

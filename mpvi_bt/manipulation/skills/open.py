@@ -10,27 +10,22 @@ import numpy as np
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.follow import FOLLOW, back_out, go_along, take_up, touch
 from mpvi_bt.manipulation.motion.work import LIFTED_M, Words, Work
+from mpvi_bt.manipulation.skills.bar_courses import swings
 from mpvi_bt.manipulation.skills.openings import (
     doors_meant,
-    lid,
     look_beside,
     look_over,
-    moved,
-    outward,
-    panel,
     seen_twice,
     stand_before,
     stands_as,
-    swings,
     thing_meant,
-    upright,
 )
 from mpvi_bt.manipulation.stance.course import AROUND_M, Course, CourseSearch, Start
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.shapes.moving_parts import Bar, Door
+from mpvi_bt.shapes.moving_parts import Bar, Door, lid, moved, outward, panel, upright
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Which door, drawer or lid of which thing a phrase means, and how a hand swings one on its bar."""
+"""Which door, drawer or lid of which thing a phrase means, and where to stand and look to see it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import numpy as np
 
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.stance.course import Course
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.shapes.moving_parts import Bar, Door
+from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.shapes.moving_parts import Door, lid, moved, outward, panel
 
 _PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
 _RANKS = {  # of doors, from the top
@@ -26,7 +25,6 @@ _RANKS = {  # of doors, from the top
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
 
 FACING_RAD = 0.15  # our choice: what is less far off straight ahead is faced; a small part of what the camera sees
-_UPRIGHT = 0.7  # our choice: cosine with the vertical of axes and faces that count as vertical, half way to level
 
 
 @dataclass(frozen=True)
@@ -61,32 +59,6 @@ class DoorViews:
 
 
 _VIEWS = DoorViews()
-
-
-@dataclass(frozen=True)
-class BarGrip:
-    """How a bar is held while what it belongs to is led along.
-
-    Our choice.
-
-    Attributes:
-        short_m: Standoff of the open hand before the bar [m].
-        along: Places to hold the bar, from its middle [ratio of its length].
-        along_cost: Cost of each bar's length off the middle.
-        turns: How far the hand turns along with a door [ratio of its angle]: at half, the base turns as much.
-        lid_turns: The same for a lid: fingers hold a bar fast, and what stands loose would tilt with the hand.
-        turn_cost: Cost of each unit off the first of these.
-    """
-
-    short_m: float = 0.11
-    along: tuple[float, ...] = (0.0, 0.3, -0.3)
-    along_cost: float = 0.5
-    turns: tuple[float, ...] = (0.5, 0.3, 0.7)
-    lid_turns: tuple[float, ...] = (1.0, 0.85, 0.7)
-    turn_cost: float = 2.0
-
-
-_GRIP = BarGrip()
 
 
 def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[str]]:
@@ -288,89 +260,3 @@ def _middle(door: Door) -> Array:
     if door.bar is not None:
         return np.asarray(matmul(shut[:3, :3], door.bar.center) + shut[:3, 3], float)
     return np.asarray(bounds(s.moved(shut) for s in door.solids).mean(0))
-
-
-def moved(door: Door, by: float) -> Array:
-    """(4, 4) that takes what moves with a door from where it is to where it is when opened further by [rad or m]."""
-    if door.kind == "slide":
-        return kin.transform(np.eye(3), door.axis * by)
-    R = turned(door.axis, by)
-    return kin.transform(R, door.origin - matmul(R, door.origin))
-
-
-def turned(axis: Array, angle_rad: float) -> Array:
-    """(3, 3) rotation about a unit vector (3,), in a tenth of the time that scipy takes: searches ask for thousands."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle_rad) * K + (1.0 - np.cos(angle_rad)) * matmul(K, K))
-
-
-def upright(door: Door) -> bool:
-    """Whether it turns about a vertical hinge."""
-    return door.kind == "hinge" and abs(float(door.axis[2])) > _UPRIGHT
-
-
-def lid(door: Door) -> bool:
-    """Whether it lies on top of what it closes, and turns about a level hinge."""
-    shut = matmul(moved(door, -door.position)[:3, :3], outward(door))
-    return door.kind == "hinge" and not upright(door) and float(shut[2]) > _UPRIGHT
-
-
-def panel(door: Door) -> Solid:
-    """Its largest solid."""
-    return max(door.solids, key=lambda s: float(np.sort(s.half_m)[1:].prod()))
-
-
-def outward(door: Door) -> Array:
-    """(3,) unit vector out of the outer face of its panel, as it stands: the side that it opens to."""
-    face = panel(door)
-    way = door.axis if door.kind == "slide" else np.cross(door.axis, face.T[:3, 3] - door.origin)
-    along = matmul(way, face.T[:3, :3])
-    k = int(np.abs(along).argmax())
-    return np.asarray(face.T[:3, k] * np.sign(along[k]))
-
-
-def swings(door: Door, bar: Bar, to: float) -> list[Course]:
-    """Ways to hold a door by its bar and move it to a position [rad or m]."""
-    closed = moved(door, -door.position)[:3, :3]
-    outward, along = matmul(closed, bar.outward), matmul(closed, bar.axis)
-    out = []
-    turns = (0.0,) if door.kind != "hinge" else _GRIP.lid_turns if lid(door) else _GRIP.turns
-    for turn in turns:
-        for flip in (1.0, -1.0):
-            for shift in _GRIP.along:
-                straight = kin.hand_rotation(-outward, flip * np.cross(along, outward))
-                grip = bar.center + bar.axis * shift * bar.length_m
-                cost = _GRIP.turn_cost * abs(turn - turns[0]) + _GRIP.along_cost * abs(shift)
-                out.append(_swing(door, grip, straight, turn, to, cost))
-    return out
-
-
-def _swing(door: Door, grip: Array, straight: Array, turn: float, to: float, cost: float) -> Course:
-    start = door.position
-
-    def hand(x: float) -> Array:
-        at = start + (to - start) * x
-        R = straight
-        if door.kind == "hinge":
-            R = matmul(turned(door.axis, turn * at), straight)
-        T = moved(door, at - start)
-        return kin.transform(R, matmul(T[:3, :3], grip) + T[:3, 3])
-
-    before = hand(0.0)
-    touched = before[:3, 3].copy()
-
-    def carry(x: float) -> Array:
-        now = hand(x)[:3, 3]
-        yaw = float(np.sign(door.axis[2])) * turn * (to - start) * x if upright(door) else 0.0
-        R = kin.rot_z(yaw)
-        shift = now - matmul(R, touched)
-        return kin.transform(R, shift * [1.0, 1.0, 0.0])
-
-    def moving(x: float) -> list[Solid]:
-        T = moved(door, (to - start) * x)
-        return [s.moved(T) for s in door.solids]
-
-    before[:3, 3] -= _GRIP.short_m * before[:3, 2]
-    z = before[:3, 2]
-    return Course(before, hand, carry, moving, float(np.arctan2(z[1], z[0])), cost)
