@@ -199,7 +199,7 @@ def test_what_it_cannot_do_is_refused_in_one_line() -> None:
 
 def test_two_hands_are_refused() -> None:
     """A tree with a skill of both hands is not for it."""
-    from mpvi_bt.episode.hands_needed import check_hands
+    from mpvi_bt.episode.doers import check_hands
     from mpvi_bt.plan.skills import load_skills
     from mpvi_bt.tree.compile import compile_instruction
 

@@ -93,15 +93,6 @@ def test_it_turns_with_the_frame_that_it_is_seen_from() -> None:
     np.testing.assert_array_equal(field.distance(p.reshape(10, 20, 3)).ravel(), field.distance(p))
 
 
-def test_a_place_can_be_cleared() -> None:
-    """What is cleared is free; what is farther away is as before."""
-    field = Field([picture(wall(1.0))], MIDDLE)
-    cleared = field.cleared(np.array([[1.2, 0.0, 1.0]]), 0.3)
-    assert at(cleared, 1.2, 0, 1) > 0.15
-    assert at(cleared, 1.2, 0.6, 1) == 0.0
-    assert at(field, 1.2, 0, 1) == 0.0
-
-
 def test_distances_are_those_of_an_exact_transform() -> None:
     """The compiled transform agrees with scipy's on random cells."""
     rng = np.random.default_rng(1)

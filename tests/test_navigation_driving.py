@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
-from mpvi_bt.navigation.grid import segment_free, shortest_path
+from mpvi_bt.navigation.grid import shortest_path
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower
 from mpvi_bt.navigation.traversability import traversability
@@ -169,7 +169,7 @@ def test_pursuit_reaches_the_pose_within_limits_and_off_inflated_cells(
         assert np.linalg.norm(world[:2] - world_before[:2]) <= limits.acceleration_m_s2 * dt + 1e-6
         assert abs(world[2] - world_before[2]) <= limits.turn_acceleration_rad_s2 * dt + 1e-6
         world_before = world
-        assert segment_free(grid.blocked, grid.cells(robot.pose[:2]), grid.cells(robot.pose[:2]))
+        assert not grid.blocked[tuple(np.floor(grid.cells(robot.pose[:2])).astype(int))]
     assert np.linalg.norm(robot.pose[:2] - np.array(goal[:2])) <= 0.03
     assert abs(wrap(robot.pose[2] - goal[2])) <= 0.05
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.navigation.grid import cost_to_reach, segment_free, shortest_path
+from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
 from mpvi_bt.navigation.traversability import ESCAPE_COST, floor_obstacles, traversability
 from tests.navigation_maps import put_box, thing, two_rooms
 
@@ -133,15 +133,6 @@ def test_a_start_or_goal_off_the_grid_or_blocked_has_no_path() -> None:
     assert shortest_path(cost, (1, 1), (0, 0)) is None
     assert shortest_path(cost, (0, 0), (3, 0)) is None
     assert np.isinf(cost_to_reach(cost, (-1, 0))).all()
-
-
-def test_a_segment_is_free_only_if_it_crosses_no_blocked_cell() -> None:
-    """A line past an obstacle is free, one through it is not."""
-    blocked = np.zeros((10, 10), bool)
-    blocked[5, 5] = True
-    assert segment_free(blocked, np.array([1.0, 1.0]), np.array([9.0, 2.0]))
-    assert not segment_free(blocked, np.array([1.5, 5.5]), np.array([9.5, 5.5]))
-    assert not segment_free(blocked, np.array([1.5, 1.5]), np.array([1.5, 11.0]))
 
 
 @settings(max_examples=30, deadline=None)

@@ -1,4 +1,4 @@
-"""Which policies know how to do a skill: our scripted ones those of their repertoire, a server's who knows which."""
+"""Whether policy and robot can do what is asked for: by what scripted policies know, and by the hands there are."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from typing import Any
 from mpvi_bt.behaviors.parameters import Prompt
 from mpvi_bt.choices.backends import BACKENDS, choose
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.errors import Problem, nearest
+from mpvi_bt.errors import Problem, UserError, nearest, shown
 from mpvi_bt.manipulation.policies.repertoire import REPERTOIRE
 from mpvi_bt.marked_yaml import Marks
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.pattern import pattern
-from mpvi_bt.plan.skills import Skill, load_skills
+from mpvi_bt.plan.skills import Skill, SkillCall, load_skills
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.tree.spec import TreeSpec
 
 SCRIPTED = tuple(name for name, backend in BACKENDS["policy"].items() if not backend.address)
@@ -53,11 +55,34 @@ def doubt(config: EpisodeConfig, spec: TreeSpec, skills: Mapping[str, Skill]) ->
     if name not in SCRIPTED:
         return ""
     asked = {
-        call.skill.name: placed.path
-        for placed in spec.nodes
-        if isinstance(prompt := placed.spec.parameters, Prompt)
-        for clause in clauses(prompt.prompt, skills)
-        if (call := match(clause, skills)) is not None and not call.skill.motion and call.motion not in REPERTOIRE
+        call.skill.name: path
+        for path, _, call in _calls(spec, skills)
+        if not call.skill.motion and call.motion not in REPERTOIRE
     }
     what = ", ".join(f"{skill!r} ({path})" for skill, path in asked.items())
     return f"policy {name} does not know how to do {what}: these units will fail" if asked else ""
+
+
+def check_hands(robot: RobotModel, spec: TreeSpec, skills: Mapping[str, Skill]) -> None:
+    """Refuse a tree that is for other hands than a robot has.
+
+    Raises:
+        UserError: The first prompt that asks for two hands where there is one, or for a hand that is not there.
+    """
+    for path, clause, call in _calls(spec, skills):
+        if call.skill.hands > len(robot.sides):
+            raise UserError(f"{path}: {shown(clause)} takes two hands (skill {call.skill.name}); {robot.name} has one.")
+        hand = call.arguments.get("hand")
+        if hand in SIDES and hand not in robot.sides:
+            raise UserError(
+                f"{path}: {shown(clause)} is for the {hand} hand; {robot.name} has the {robot.sides[0]} one."
+            )
+
+
+def _calls(spec: TreeSpec, skills: Mapping[str, Skill]) -> Iterator[tuple[str, str, SkillCall]]:
+    """Every skill call of a tree's prompts: path of the node, the words, and what they ask for."""
+    for placed in spec.nodes:
+        if isinstance(prompt := placed.spec.parameters, Prompt):
+            for clause in clauses(prompt.prompt, skills):
+                if (call := match(clause, skills)) is not None:
+                    yield placed.path, clause, call

@@ -17,8 +17,8 @@ from mpvi_bt.choices.lateness import latency_of
 from mpvi_bt.choices.planning import ground, make_planner
 from mpvi_bt.choices.policies import check_policy_choice
 from mpvi_bt.choices.simulators import check_simulator_choice
+from mpvi_bt.episode.doers import check_hands
 from mpvi_bt.episode.doers import doubt as doer_doubt
-from mpvi_bt.episode.hands_needed import check_hands
 from mpvi_bt.episode.saved_episode import SavedEpisode
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.house.house import load_house

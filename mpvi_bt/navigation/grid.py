@@ -60,15 +60,6 @@ def cost_to_reach(cost: Cost, start: Cell) -> Cost:
     return field
 
 
-def segment_free(blocked: NDArray[np.bool_], start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
-    """Whether the straight line between two points, (2,) row and column with fractions, stays on free cells."""
-    n = int(np.ceil(np.abs(end - start).max() * 4)) + 1  # four samples a cell
-    cells = np.floor(start + np.linspace(0, 1, n)[:, None] * (end - start)).astype(int)
-    if cells.min() < 0 or (cells >= blocked.shape).any():
-        return False
-    return not bool(blocked[cells[:, 0], cells[:, 1]].any())
-
-
 def warm() -> None:
     """Compile the search, or load it from numba's disk cache, before time matters."""
     shortest_path(np.ones((2, 2), np.float32), (0, 0), (1, 1))

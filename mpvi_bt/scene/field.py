@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mpvi_bt.compiled import compiled
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.depth_noise import DEPTH_NOISE
-from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -95,17 +95,6 @@ class Field:
             doubt[(doubt == 0) & (stays | (veiled & shown))] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
-
-    def cleared(self, p_world: Array, radius_m: float) -> Field:
-        """The same with everything within `radius_m` of the points (n, 3) taken for free, such as the robot's place."""
-        other = copy(self)
-        other.blocked = self.blocked.copy()
-        centers = np.argwhere(self.blocked)
-        p = self._low + (centers + 0.5) * self._cell
-        near = (norm(p[:, None] - np.atleast_2d(p_world), axis=-1) < radius_m).any(1)
-        other.blocked[tuple(centers[near].T)] = False
-        other._distance = distance_to(other.blocked) * np.float32(self._cell) - np.float32(self._cell / 2)
-        return other
 
     def seen_from(self, T: Array) -> Field:
         """The same in another frame; `T` (4, 4) maps that frame into the present one."""

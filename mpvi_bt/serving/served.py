@@ -15,7 +15,7 @@ from mpvi_bt.choices.language_models import Models
 from mpvi_bt.choices.planning import make_planner
 from mpvi_bt.episode.assembly import assemble
 from mpvi_bt.episode.brief import brief
-from mpvi_bt.episode.hands_needed import check_hands
+from mpvi_bt.episode.doers import check_hands
 from mpvi_bt.episode.prepare import Prepared, arrangement, check_backends, prepare
 from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import BadMessage, NodeError, UserError, nearest, shown

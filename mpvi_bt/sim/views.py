@@ -48,16 +48,3 @@ def overview(house: House, fov_rad: float = 0.6, aspect: float = 16 / 9, tilt_ra
         down_px, up_px = ((sign * matmul(seen, down) / (distance + ahead)).max() for sign in (1, -1))
         low, high = (low, target[1]) if down_px > up_px else (target[1], high)
     return look_at(target + distance * away, target)
-
-
-def eye_view(house: House, room: str, corner: int = 0, height_m: float = 1.5) -> Array:
-    """(4, 4) camera at eye height in a corner (0 to 3: south-west, south-east, north-east, north-west) of a room.
-
-    Raises:
-        UnknownName: There is no such room.
-    """
-    x0, y0, x1, y1 = house.room(room).rect
-    u, v = ((0, 0), (1, 0), (1, 1), (0, 1))[corner]
-    inset = 0.3
-    eye = np.array([(x0 + inset, x1 - inset)[u], (y0 + inset, y1 - inset)[v], height_m])
-    return look_at(eye, ((x0 + x1) / 2, (y0 + y1) / 2, 0.7))
