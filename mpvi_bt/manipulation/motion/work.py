@@ -216,10 +216,14 @@ class Work:
             raise MotionFailure("not_held")
         return held
 
-    def carried(self) -> set[str]:
-        """What the robot carries, in one hand or between both, with what lies in it."""
+    def in_hands(self) -> set[str]:
+        """What the robot holds, in one hand or between both."""
         names = [*map(self.scene.holding, SIDES), self.scene.between()]
-        return {n for name in names if name is not None for n in (name, *self.scene.within(name))}
+        return {name for name in names if name is not None}
+
+    def carried(self) -> set[str]:
+        """What the robot carries, with what lies in it."""
+        return {n for name in self.in_hands() for n in (name, *self.scene.within(name))}
 
     def along(self, name: str) -> list[str]:
         """A thing, and all in it that goes along where it is moved."""

@@ -17,7 +17,6 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 
 
@@ -114,7 +113,7 @@ def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacl
 
 
 def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
-    held = any(work.scene.holding(side) for side in SIDES) or work.scene.between() is not None
+    held = bool(work.in_hands())
     for lift, tilt in _LOOK.looks[:looks]:
         robot = work.motion.robot
         torso = robot.trunk.joints(np.array([lift, 0.0, 0.0, tilt]))

@@ -22,7 +22,7 @@ from mpvi_bt.manipulation.stance.grasps import grasps
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import GRIP, Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.scene import Scene
 
@@ -260,8 +260,8 @@ class ScriptedPolicy:
 
     def _carries(self, work: Work, phrase: str) -> bool:
         """Whether the robot carries something that a phrase names."""
-        carried = {work.scene.between(), *(work.scene.holding(side) for side in SIDES)}
-        return any(e.name in carried for e in self._scene.knowledge().find(phrase))
+        held = work.in_hands()
+        return any(e.name in held for e in self._scene.knowledge().find(phrase))
 
     def attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""

@@ -115,8 +115,7 @@ def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
     yield from leave(work, stance)
     if not work.gripped(side):
         raise MotionFailure("dropped")
-    if not work.scene.exact:
-        yield from study(work, name)
+    yield from study(work, name)
     if work.scene.exact and name in {entry.name for entry in work.scene.knowledge()}:
         raise MotionFailure("not_cut")
 
