@@ -36,7 +36,7 @@ from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.dialect_settings import load_settings
 from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.server import PolicyServer
+from mpvi_bt.remote.policy_server import PolicyServer
 from mpvi_bt.remote.wire_mapping import message_of
 from mpvi_bt.robot.solids import Array
 from tests.openpi_env import openpi_python

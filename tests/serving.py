@@ -17,7 +17,8 @@ from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.dialect_settings import CAMERAS
 from mpvi_bt.remote.observation import Vocabulary
-from mpvi_bt.remote.server import Make, PolicyServer, SocketServer
+from mpvi_bt.remote.policy_server import Make, PolicyServer
+from mpvi_bt.remote.server import SocketServer
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing.doubles import GripPolicy, KinematicRobot
 

@@ -25,7 +25,8 @@ from mpvi_bt.errors import BadMessage
 from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
 from mpvi_bt.remote.observation import Vocabulary, read_observation, write_observation
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.server import MOST_CLIENTS, PolicyServer
+from mpvi_bt.remote.policy_server import PolicyServer
+from mpvi_bt.remote.server import MOST_CLIENTS
 from mpvi_bt.robot.solids import Array
 from tests.serving import ask, client, grip, observation, received, serving
 

@@ -138,7 +138,7 @@ def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: st
             f"These can: {', '.join(_servable())}."
         )
     from mpvi_bt.choices.policies import for_clients
-    from mpvi_bt.remote.server import PolicyServer
+    from mpvi_bt.remote.policy_server import PolicyServer
 
     make = for_clients(policy, seed, settings)
     make({})  # what cannot be made is told now, not to the first client

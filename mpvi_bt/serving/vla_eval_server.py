@@ -14,7 +14,8 @@ from vla_eval.specs import DimSpec
 from mpvi_bt.choices.policies import for_clients
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.remote.server import Session, Unseen
+from mpvi_bt.remote.policy_server import Session
+from mpvi_bt.remote.server import Unseen
 from mpvi_bt.serving.vla_eval_benchmark import action_spec, observation_spec
 
 SETTINGS = "mpvi"  # the whole observation, and our own 23 numbers
