@@ -190,6 +190,21 @@ def test_clearances_of_many_are_those_of_each(seed: int) -> None:
     np.testing.assert_allclose(together, single, atol=1e-9)
 
 
+@settings(deadline=None)
+@given(seeds)
+def test_free_postures_keep_clear_of_things_and_of_the_robot(seed: int) -> None:
+    """`free` says what `clearance` does, for many and for one, whatever the other bodies of the posture were asked."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(LEFT_LOW, LEFT_HIGH, (12, 7))
+    robot = body(right=Load([REACH]))
+    for load in ({}, robot.held):
+        there = robot.amid(Surroundings([solid(rng)]), load)
+        around, itself = there.clearance("left", q)
+        expected = (around > 0.01) & (itself > 0)
+        assert there.free("left", q, 0.01).tolist() == expected.tolist()
+        assert [bool(there.free("left", one, 0.01)[0]) for one in q] == expected.tolist()
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_thing_at_the_hand_is_hit(side) -> None:
     """A solid where the hand is takes its freedom; far from it, it does not."""

@@ -80,9 +80,10 @@ class Together:
 
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to the nearest of all; 9 if there is nothing."""
-        out = np.full(p.shape[:-1], 9.0)
-        for part in self._parts:
-            np.minimum(out, part.distance(p), out=out)
+        first, *others = self._parts or [NOTHING]
+        out = first.distance(p)
+        for part in others:
+            out = np.minimum(out, part.distance(p))
         return out
 
 

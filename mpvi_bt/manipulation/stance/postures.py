@@ -149,12 +149,15 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
 
 
 def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: Array, key: int, q_key: Array) -> bool:
-    """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at."""
-    targets = matmul(body.from_chest, goals)
-    for k, target in enumerate(targets):
-        near = q_key if k == key else body.robot.nearest_posture(target, site.side, q_key)
-        if near is None or not _free(site, body, base, option, k, near):
-            return False
+    """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at.
+
+    `q_key`, the posture at `key`, is clear: see `_clear`.
+    """
+    for k, target in enumerate(matmul(body.from_chest, goals)):
+        if k != key:
+            near = body.robot.nearest_posture(target, site.side, q_key)
+            if near is None or not _free(site, body, base, option, k, near):
+                return False
     return True
 
 
