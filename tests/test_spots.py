@@ -114,6 +114,18 @@ def test_what_is_set_down_beside_a_thing_stands_out_over_no_edge_if_it_need_not(
         assert (outline(moved)[:, 0] > edge - 0.006).all()
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.26, 1.57])
+def test_the_first_of_two_long_things_leaves_room_for_the_second(yaw: float) -> None:
+    """On a newspaper that is hardly wider a piece of firewood lies along it, however it is turned, at one end."""
+    things = {"paper": placed("newspaper", 0.6, 0.0, 0.001, yaw), **{n: placed("firewood", -1.0, 0.5) for n in "ab"}}
+    world = small_world(things)
+    for name in "ab":
+        work = Work(Holding(world, name), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        group = next(spots.on(work, work.held()["left"], "paper", (0.0,)), None)
+        assert group
+        world.place(name, group[0].T_world_thing)
+
+
 def test_a_cup_finds_room_on_its_saucer() -> None:
     """Where there is no room to spare, what is needed has to do, however the saucer is turned; a plate finds none."""
     for cup, finds in (("small_coffee_cup", True), ("plate", False)):
@@ -140,7 +152,7 @@ def test_a_board_is_filled_from_a_corner_at_its_back(wide: int, deep: int, apart
     """All are offered by turns: one from back and corners, apart from those before, and one from the front."""
     grid = [np.array([x * 0.05, y * 0.05, 0.5]) for x in range(deep) for y in range(wide)]
     before = np.array([-0.8, (wide - 1) * 0.025])
-    offered = spots._packed(grid, before, apart)
+    offered = [grid[k] for k in spots._packed(grid, before, apart)]
     assert sorted(map(tuple, offered)) == sorted(map(tuple, grid))
     assert offered[0][0] == (deep - 1) * 0.05
     assert offered[0][1] in (0.0, (wide - 1) * 0.05)

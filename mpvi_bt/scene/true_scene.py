@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot.collision import Surroundings, carries
-from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules.mounts import Mount
@@ -30,11 +30,13 @@ class Spots:
         room_m: How far from the spot's neighborhood solids are looked for [m].
         grid_m: From one place to the next [m].
         wall_m: What rises that much through a face is a wall of its own [m].
+        square_rad: A face that is turned by more has a grid that is turned with it [rad].
     """
 
     room_m: float = 2.5
     grid_m: float = 0.05
     wall_m: float = 0.01
+    square_rad: float = 0.05
 
 
 _SPOT = Spots()
@@ -146,8 +148,7 @@ class TrueScene:
             around = Surroundings(walls)
             above = [s.aabb() for s in (*others, *(f for f in own if f is not face and f not in walls))]
             blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
-            lines = [_lines(a + radius_m, b - radius_m) for a, b in zip(low[:2], high[:2], strict=True)]
-            grid = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 2)
+            grid = _grid(face, radius_m)
             gaps = np.minimum.reduce([np.full(len(grid), 9.0), *(_aside(b, grid) for b in blocking)])
             if walls:
                 gaps = np.minimum(gaps, around.distance(np.column_stack([grid, np.full(len(grid), level)])))
@@ -156,10 +157,27 @@ class TrueScene:
         return sorted(spots, key=lambda s: float(norm(s[:2] - near)))
 
 
-def _lines(low: float, high: float) -> Array:
-    """Coordinates (n,) of grid lines in a range, as far from its one end as from the other."""
-    n = int((high - low + 1e-9) / _SPOT.grid_m)
-    return np.asarray((low + high) / 2 + _SPOT.grid_m * (np.arange(n + 1) - n / 2), float)
+def _grid(face: Solid, radius_m: float) -> Array:
+    """Places (n, 2) about the middle of a face that a disc on it may be about; those of a turned box turn with it."""
+    low, high = face.aabb()[:, :2]
+    up = int(np.abs(face.T[2, :3]).argmax())
+    a, b = (k for k in range(3) if k != up)
+    yaw = float(np.arctan2(face.T[1, a], face.T[0, a]))
+    if face.kind != "box" or abs((yaw + np.pi / 4) % (np.pi / 2) - np.pi / 4) < _SPOT.square_rad:
+        return np.stack(np.meshgrid(*_lines(low, high, radius_m), indexing="ij"), -1).reshape(-1, 2)
+    half = face.half_m[[a, b]]
+    own = np.stack(np.meshgrid(*_lines(-half, half, radius_m), indexing="ij"), -1).reshape(-1, 2)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    return np.asarray((low + high) / 2 + matmul(own, turn.T))
+
+
+def _lines(low: Array, high: Array, radius_m: float) -> list[Array]:
+    """Of each axis the coordinates (n,) of grid lines in a range (2,), as far from its one end as from the other."""
+    lines = []
+    for start, end in zip(low + radius_m, high - radius_m, strict=True):
+        n = int((end - start + 1e-9) / _SPOT.grid_m)
+        lines.append((start + end) / 2 + _SPOT.grid_m * (np.arange(n + 1) - n / 2))
+    return lines
 
 
 def _aside(box: Array, at: Array) -> Array:

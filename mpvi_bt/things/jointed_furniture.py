@@ -114,12 +114,17 @@ def drawers(
 
 
 def washer(
-    *, size_m: Size, color: Rgb, door_color: Rgb = _GLASS, hinge: Literal["left", "right"] = "left"
+    *,
+    size_m: Size,
+    color: Rgb,
+    door_color: Rgb = _GLASS,
+    hinge: Literal["left", "right"] = "left",
+    plinth_m: float = 0.0,
 ) -> Description:
-    """A front loader: a drum behind a door, a panel above with a dial that is its switch."""
+    """A front loader: a drum behind a door, a panel above with a dial that is its switch; on a plinth, if any."""
     x, y, z = size_m
     parts = PartsOfBody()
-    low, high, inside = 0.2, z - 0.2, y - 0.14
+    low, high, inside = plinth_m + 0.2, z - 0.2, y - 0.14
     back = 0.06
     carcass = x - _WALL
     middle = -_WALL / 2

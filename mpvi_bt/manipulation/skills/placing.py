@@ -171,15 +171,17 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     return np.asarray(matmul(Rotation.from_rotvec(closing / length * lean).as_matrix(), upright))
 
 
-def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT) -> Iterator[Pose]:
-    """Poses with the middle of the thing's underside on a spot (3,), at several turns, upright first."""
+def poses(
+    work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT, turns: Sequence[float] = TURNS
+) -> Iterator[Pose]:
+    """Poses with the middle of the thing's underside on a spot (3,), at several turns [rad], upright first."""
     frame = kin.inverse(held.T_tcp_thing)
     solids = [s.moved(frame) for s in held.solids]  # in the thing's frame
     for lean in leans:
         standing = leaning(work, held, lean)
         if standing is None:
             continue
-        for turn in TURNS:
+        for turn in turns:
             R = matmul(kin.rot_z(turn), standing)
             low, high = bounds(s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in solids)
             down = SETTING.leaning_down_m if lean else SETTING.down_m

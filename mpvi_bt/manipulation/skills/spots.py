@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpvi_bt.goals.predicates import NEXT_TO_GAP
 from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.manipulation.motion.work import EASY_M, NEAR_M, Work
-from mpvi_bt.manipulation.skills.placing import LIES_RAD, Pose, leaning, poses
+from mpvi_bt.manipulation.skills.placing import LIES_RAD, TURNS, Pose, leaning, poses
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.linear_algebra import matmul, norm
@@ -149,7 +149,7 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                 spots = list(work.scene.spots(surface, radius + clear, headroom, near))
                 if inside:
                     spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
-                    spots = _packed(spots, near, 2 * radius + clear)
+                    spots = [spots[k] for k in _packed(spots, near, 2 * radius + clear)]
                 if spots:
                     break
             own = [] if inside else [s.aabb() for s in work.scene.solids(surface)]
@@ -157,12 +157,16 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                 if all(norm(spot - d) > _GRID.grid_m for d in done):
                     done.append(spot)
                     yield list(poses(work, held, spot, [lean for lean, _ in able]))
-        if not done and not inside:
-            yield from _lengthwise(work, held, surface, R, [lean for lean, _ in able])
+        if not done:
+            yield from _lengthwise(work, held, surface, R, [lean for lean, _ in able], inside)
 
 
-def _lengthwise(work: Work, held: Held, surface: str, R: Array, leans: Sequence[float]) -> Iterator[list[Pose]]:
+def _lengthwise(
+    work: Work, held: Held, surface: str, R: Array, leans: Sequence[float], inside: bool
+) -> Iterator[list[Pose]]:
     """Poses for what is long, such as a pen on a notebook, where there is no room for it at every turn.
+
+    It is turned as the surface is, and goes to an end of it before its middle, so that another one has room beside it.
 
     Args:
         work: Robot and world.
@@ -170,19 +174,32 @@ def _lengthwise(work: Work, held: Held, surface: str, R: Array, leans: Sequence[
         surface: What on.
         R: (3, 3) how it is turned, but for a turn about the vertical.
         leans: Of its poses [rad].
+        inside: Only in its container volumes.
     """
     near = work.motion.felt.base_pose[:2]
     solids = [s.moved(matmul(kin.transform(R, (0.0, 0.0, 0.0)), kin.inverse(held.T_tcp_thing))) for s in held.solids]
-    angles = np.pi * np.arange(_GRID.sectors) / _GRID.sectors
-    width = float(np.ptp(matmul(outline(solids), np.stack([np.cos(angles), np.sin(angles)])), axis=0).min())
+    (across, wide, long), board = _narrowest(solids), _narrowest(work.scene.solids(surface))[0]
+    turns = [turn + (board - across) % (TURNS[1] - TURNS[0]) for turn in TURNS]
     height = float(np.ptp(bounds(solids), axis=0)[2])
     top = Surroundings(work.scene.solids(surface))
-    others = work.scene.obstacles(near, NEAR_M, without={surface, *work.carried()})
-    spots = list(work.scene.spots(surface, width / 2 + _CLEAR.tight_m, height + _CLEAR.above_m, near))
-    for spot in spots[: _GRID.spots]:
-        found = [pose for pose in poses(work, held, spot, leans) if _borne(held, pose, top)]
+    others = work.scene.obstacles(near, NEAR_M, without=work.carried())
+    room: list[tuple[Array, list[Pose]]] = []
+    for spot in work.scene.spots(surface, wide / 2 + _CLEAR.tight_m, height + _CLEAR.above_m, near):
+        if inside and not _within(work.scene.volumes(surface), spot + [0, 0, 0.02]):
+            continue
+        found = [pose for pose in poses(work, held, spot, leans, turns) if _borne(held, pose, top)]
         if found := [pose for pose in found if _apart(held, pose, others)]:
-            yield found
+            room.append((spot, found))
+    for k in _packed([spot for spot, _ in room], near, long + _CLEAR.tight_m)[: _GRID.spots]:
+        yield room[k][1]
+
+
+def _narrowest(solids: Sequence[Solid]) -> tuple[float, float, float]:
+    """Bearing in which what solids cover is narrowest [rad], how wide it is there, and across that [m]."""
+    angles = np.radians(np.arange(180.0))
+    widths = np.ptp(matmul(outline(solids), np.stack([np.cos(angles), np.sin(angles)])), axis=0)
+    k = int(widths.argmin())
+    return float(angles[k]), float(widths[k]), float(widths[k - 90])
 
 
 def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Pose]]:
@@ -405,8 +422,8 @@ def _within(volumes: Sequence[Solid], p: Array) -> bool:
     return any((np.abs(matmul(kin.inverse(v.T)[:3], np.append(p, 1.0))) <= v.half_m).all() for v in volumes)
 
 
-def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[Array]:
-    """Spots (3,) of a compartment in the order in which to fill it from `near` (2,): back and corners first.
+def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[int]:
+    """The order in which to fill spots (3,) of a compartment or a surface from `near` (2,): back and corners first.
 
     A payload takes up all spots nearer than `apart` [m] to its own; in a corner these are the fewest. Spots that are at
     least `apart` from all before them come first: where one is out of reach, its neighbors mostly are, too. Every
@@ -425,7 +442,7 @@ def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[Array]:
     first += [k for k in ranked if k not in first]
     nearest = np.argsort(far, kind="stable").tolist()
     order = [k for pair in zip(first, nearest, strict=True) for k in pair]
-    return [spots[k] for k in dict.fromkeys(order)]
+    return list(dict.fromkeys(order))
 
 
 def _by_turns(spots: Sequence[Array], own: Sequence[Array]) -> list[Array]:
