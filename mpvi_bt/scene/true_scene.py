@@ -140,19 +140,17 @@ class TrueScene:
         others = self.truth.obstacles(near, _SPOT.room_m, without={surface, *carried})
         spots: list[Array] = []
         for face in faces:
-            low, high = face.aabb()
-            level = (
-                high[2] + _SPOT.wall_m
-            )  # what rises through it is a wall of its own: a round one is nearer to its box
+            top = face.aabb()[1, 2]
+            level = top + _SPOT.wall_m  # what rises through it is a wall of its own: a round one is nearer to its box
             walls = [f for f in own if f is not face and f.aabb()[0, 2] < level < f.aabb()[1, 2]]
             around = Surroundings(walls)
             above = [s.aabb() for s in (*others, *(f for f in own if f is not face and f not in walls))]
-            blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
+            blocking = [b for b in above if b[1, 2] > top + 0.005 and b[0, 2] < top + height_m]
             grid = _grid(face, radius_m)
             gaps = np.minimum.reduce([np.full(len(grid), 9.0), *(_aside(b, grid) for b in blocking)])
             if walls:
                 gaps = np.minimum(gaps, around.distance(np.column_stack([grid, np.full(len(grid), level)])))
-            free = np.column_stack([grid, np.full(len(grid), high[2])])[gaps > radius_m]
+            free = np.column_stack([grid, np.full(len(grid), top)])[gaps > radius_m]
             spots += [spot for spot in free if carries(face, spot, radius_m)]
         return sorted(spots, key=lambda s: float(norm(s[:2] - near)))
 
