@@ -121,6 +121,7 @@ class NextTo:
 
 
 _NEXT_TO = NextTo()
+_HERE = np.zeros((1, 3))
 
 
 def size(solids: Sequence[Solid]) -> tuple[Array, float]:
@@ -181,17 +182,23 @@ def _lengthwise(
     (across, wide, long), board = _narrowest(solids), _narrowest(work.scene.solids(surface))[0]
     turns = [turn + (board - across) % (TURNS[1] - TURNS[0]) for turn in TURNS]
     height = float(np.ptp(bounds(solids), axis=0)[2])
-    top = Surroundings(work.scene.solids(surface))
+    spots = list(work.scene.spots(surface, wide / 2 + _CLEAR.tight_m, height + _CLEAR.above_m, near))
+    if inside:
+        spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+    if not spots:
+        return
+    at, top = np.stack(spots), Surroundings(work.scene.solids(surface))
     others = work.scene.obstacles(near, NEAR_M, without=work.carried())
-    room: list[tuple[Array, list[Pose]]] = []
-    for spot in work.scene.spots(surface, wide / 2 + _CLEAR.tight_m, height + _CLEAR.above_m, near):
-        if inside and not _within(work.scene.volumes(surface), spot + [0, 0, 0.02]):
-            continue
-        found = [pose for pose in poses(work, held, spot, leans, turns) if _borne(held, pose, top)]
-        if found := [pose for pose in found if _apart(held, pose, others)]:
-            room.append((spot, found))
-    for k in _packed([spot for spot, _ in room], near, long + _CLEAR.tight_m)[: _GRID.spots]:
-        yield room[k][1]
+    found: dict[int, list[Pose]] = {}
+    for pose in poses(work, held, np.zeros(3), leans, turns):
+        able = np.flatnonzero(_borne(held, pose, top, at))
+        for k in able[_apart(held, pose, others, at[able])]:
+            T = pose.T_world_thing.copy()
+            T[:3, 3] += at[k]
+            found.setdefault(int(k), []).append(Pose(T, pose.cost))
+    some = sorted(found)
+    for k in _packed([spots[n] for n in some], near, long + _CLEAR.tight_m)[: _GRID.spots]:
+        yield found[some[k]]
 
 
 def _narrowest(solids: Sequence[Solid]) -> tuple[float, float, float]:
@@ -299,7 +306,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
         groups = iter(sorted(groups, key=lambda group: _bars(group, kept)))
     for group in groups:
         level = [pose for pose in group if _level(work, held, pose, target)]
-        if firm := [pose for pose in level if _borne(held, pose, below)]:
+        if firm := [pose for pose in level if _borne(held, pose, below)[0]]:
             yield firm
         elif level:
             over.append(level)
@@ -323,22 +330,23 @@ def _bars(group: Sequence[Pose], kept: Sequence[Array]) -> bool:
     return bool(min(norm(at - place) for place in kept) < _NEXT_TO.before_m)
 
 
-def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
-    """Whether there is something below all of a thing's outline in a pose."""
+def _borne(held: Held, pose: Pose, below: Obstacles, spots: Array = _HERE) -> NDArray[np.bool_]:
+    """(n,) bool: whether there is something below all of a thing's outline in a pose, moved by `spots` (n, 3) [m]."""
     frame = kin.inverse(held.T_tcp_thing)
     solids = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
     edge, z = outline(solids), float(bounds(solids)[0, 2]) - _CLEAR.sunk_m
-    return z < 0 or bool((below.distance(np.column_stack([edge, np.full(len(edge), z)])) < _CLEAR.out_m).all())
+    rows = spots[:, None] + np.column_stack([edge, np.full(len(edge), z)])
+    return np.asarray((spots[:, 2] + z < 0) | (below.distance(rows) < _CLEAR.out_m).all(1))
 
 
-def _apart(held: Held, pose: Pose, others: Obstacles) -> bool:
-    """Whether a thing's outline in a pose keeps clear of others, at its foot, its middle and its top."""
+def _apart(held: Held, pose: Pose, others: Obstacles, spots: Array) -> NDArray[np.bool_]:
+    """(n,) bool: whether its outline then keeps clear of others, at its foot, its middle and its top."""
     frame = kin.inverse(held.T_tcp_thing)
     solids = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
     edge, (low, high) = outline(solids), bounds(solids)[:, 2]
     levels = np.linspace(low + _CLEAR.sunk_m, max(high, low + _CLEAR.sunk_m), 3)
     rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
-    return bool((others.distance(rows) > _CLEAR.tight_m).all())
+    return np.asarray((others.distance(spots[:, None] + rows) > _CLEAR.tight_m).all(1))
 
 
 def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
