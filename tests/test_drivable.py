@@ -92,4 +92,4 @@ def test_a_base_with_corners_turns_where_there_is_room_for_it() -> None:
         assert not there.drivable(start, goal)
         way = there.route(start, goal)
         assert way is not None
-        np.testing.assert_allclose(way, [[1.3, 0.0, 0.0], goal], atol=1e-9)
+        np.testing.assert_allclose(np.stack(way), np.stack([np.array([1.3, 0.0, 0.0]), goal]), atol=1e-9)
