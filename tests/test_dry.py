@@ -217,7 +217,7 @@ def test_a_node_that_breaks_ends_with_3(mpvi: Shell, tmp_path: Path) -> None:
         (["--tree", "helo"], "Did you mean 'hello'"),
         (["--tree", "hello", "--instance", "3"], "--instance is one of a TASK"),
         (["picking_up_trash", "--instance", "99"], "instance 99 is out of range"),
-        (["--tree", "hello", "--picture", "a.png"], "nothing to film, to draw, to log or to record"),
+        (["--tree", "hello", "--picture", "a.png"], "nothing to film, to draw, to log, to record or to time"),
         (["--tree", "hello", "--substitute", "no.yaml"], "no.yaml: no such file"),
         (
             ["--tree", "hello", "--break", "*/syy"],
