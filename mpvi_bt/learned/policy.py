@@ -186,10 +186,13 @@ class LearnedPolicy:
             at = matmul(now.frames()[0], now.hands()[0])[:3, 3]
             grip, holds = now.told_grip[0], self._felt.holds(hand.side)
             closed = grip < _CLOSED
-            if not holds and not closed if motion.opens else holds:
-                worked = at if worked is None else worked
-            elif not motion.opens:
+            if motion.opens:
+                let_go = not (holds or closed)
+                worked = at if worked is None and let_go else worked  # a hand that closes again has still let go
+            elif not holds:
                 worked = None
+            elif worked is None:
+                worked = at
             away = worked is not None and norm(at - worked) >= _DONE_M
             done = done + 1 if away and self.progress >= _DONE else 0
             self.ended = done >= _DONE_CHUNKS
