@@ -57,6 +57,28 @@ def test_a_suite_is_watched_to_its_end(tmp_path: Path, log: Path) -> None:
     assert failed.count("q 0.500") == 6
 
 
+@pytest.mark.slow
+def test_one_episode_is_drawn_without_an_interval(tmp_path: Path) -> None:
+    """Of a single episode the reports know no interval; of a task that has not begun, no mean either."""
+    if BROWSER is None:
+        pytest.skip("needs Chromium")
+    q = {"mean": 0.5, "low": None, "high": None}
+    group = {"episodes": 2, "finished": 1, "successes": 0, "q": q}
+    tasks = {"begun": group, "waiting": {**group, "finished": 0, "q": None}}
+    data = {
+        "suite": "s", "folder": "s", "running": True, "total": 4, "done": 1, "succeeded": 0, "mean_q": 0.5,
+        "left_s": None, "at_work": [], "broke": [], "problem": "", "since": "1", "level": 0.95, "failures": [],
+        "methods": [{"name": "mpvi", "overall": {**group, "episodes": 4}, "tasks": tasks}],
+    }  # fmt: skip
+    page = tmp_path / "page.html"
+    page.write_text(suite_page(data), encoding="utf-8")
+    with browser(tmp_path) as chromium:
+        tab = chromium.tab(page.as_uri())
+        tab.until("document.readyState === 'complete'")
+        rows = [line.split("\t") for line in tab.text("#scores").splitlines() if "\t" in line]
+    assert rows[1:] == [["begun", "0.500 1/2"], ["waiting", "\N{EN DASH} 0/2"], ["all", "0.500 1/4"]]
+
+
 def test_only_episodes_of_the_suite_are_shown(tmp_path: Path) -> None:
     """A trace is found by the name of an episode of the suite, never by a path."""
     client = TestClient(WatchedSuite(tmp_path).app)

@@ -25,12 +25,12 @@ function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-// Mean of q with its interval, as the reports write it, and how many episodes it is of.
+// Mean of q with its interval, as the reports write it, and how many episodes it is of. One episode has no interval.
 function score(group) {
   if (!group) return [make("td", "", "number")];
   const { q, finished, episodes } = group;
   const cell = make("td", q ? q.mean.toFixed(3) : "–", "number");
-  if (q) cell.append(" ", make("small", `[${q.low.toFixed(3)}, ${q.high.toFixed(3)}]`));
+  if (q && q.low !== null) cell.append(" ", make("small", `[${q.low.toFixed(3)}, ${q.high.toFixed(3)}]`));
   cell.append(" ", make("small", `${finished}/${episodes}`));
   return [cell];
 }
