@@ -21,7 +21,7 @@ from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.protocol import ActionLayout, CameraImage
 from mpvi_bt.robot.r1 import R1, TRAVEL_TORSO
 from mpvi_bt.testing.contracts import check_policy
 from mpvi_bt.testing.doubles import KinematicRobot
@@ -79,6 +79,22 @@ def test_a_demonstration_comes_back_from_its_file(tmp_path: Path):
     shown.save(tmp_path / "1.npz")
     read = Demonstration.load(tmp_path / "1.npz")
     assert all(np.array_equal(getattr(read, name), getattr(shown, name)) for name in (*sizes, "points", "look"))
+
+
+def test_what_the_left_hand_demonstrates_is_kept_as_if_the_right_one_did_it():
+    """Training reads the right hand's columns: there are the left one's commands and posture, mirrored."""
+    rng = np.random.default_rng(0)
+    action, points = rng.random((1, 23)), rng.random((1, 128, 3))
+    base, torso, arm = action[:, :3], action[:, ActionLayout.TORSO], action[:, ActionLayout.ARM["left"]]
+    shown = Demonstration(base, base, torso, arm, np.ones(1), action, points, np.zeros(1)).mirrored()
+    assert np.allclose(shown.arm, shown.action[:, ActionLayout.ARM["right"]])
+    assert np.allclose(shown.torso, shown.action[:, ActionLayout.TORSO])
+    assert shown.action[0, ActionLayout.GRIPPER["right"]] == action[0, ActionLayout.GRIPPER["left"]]
+    M = np.diag([1.0, -1.0, 1.0, 1.0])
+    hand = bases(shown.base)[0] @ R1.tcp(shown.torso[0], shown.arm[0], "right")
+    assert np.allclose(hand, M @ bases(base)[0] @ R1.tcp(torso[0], arm[0], "left") @ M)
+    assert np.allclose(shown.points, points * [1, -1, 1])
+    assert np.allclose(shown.mirrored().action, action)
 
 
 def test_shipped_weights_are_small():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mpvi_bt.learned import mirroring
 from mpvi_bt.learned.learned_motions import LearnedMotion
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.protocols import Policy
@@ -42,6 +43,14 @@ class Demonstration:
     action: Array
     points: Array
     look: Array
+
+    def mirrored(self) -> Demonstration:
+        """The same, done with the other hand."""
+        return Demonstration(
+            mirroring.base(self.base), mirroring.base(self.velocity), mirroring.torso(self.torso),
+            mirroring.arm(self.arm), self.width, mirroring.action(self.action), mirroring.points(self.points),
+            self.look,
+        )  # fmt: skip
 
     def save(self, path: Path) -> None:
         """Write it, in single precision."""
@@ -88,7 +97,8 @@ def record(
         rows["look"].append(np.array(len(rows["points"]) - 1))
         step(action)
         if over():
-            return Demonstration(**{k: np.array(v) for k, v in rows.items()})
+            shown = Demonstration(**{k: np.array(v) for k, v in rows.items()})
+            return shown if side == mirroring.SIDE else shown.mirrored()
 
 
 def find(robot: Robot, step: Callable[[Array], None], memory: PointMemory, side: Side) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.r1 import R1, mirrored
 from mpvi_bt.robot.solids import Array
 
@@ -36,3 +36,14 @@ def arm(joints: Array) -> Array:
 def points(points: Array) -> Array:
     """(..., 3) points."""
     return points * _POINT
+
+
+def action(action: Array) -> Array:
+    """(..., 23) actions: what is told to one arm and hand is told to the other."""
+    out = np.array(action, float)
+    out[..., ActionLayout.BASE] = base(action[..., ActionLayout.BASE])
+    out[..., ActionLayout.TORSO] = torso(action[..., ActionLayout.TORSO])
+    for side, other in (("left", "right"), ("right", "left")):
+        out[..., ActionLayout.ARM[side]] = arm(action[..., ActionLayout.ARM[other]])
+        out[..., ActionLayout.GRIPPER[side]] = action[..., ActionLayout.GRIPPER[other]]
+    return out

@@ -202,6 +202,15 @@ def quaternion(R):  # type: ignore
 
 
 @compiled
+def quaternions(R):  # type: ignore
+    """(n, 4) the same of n rotations (n, 3, 3)."""
+    out = np.empty((R.shape[0], 4))
+    for k in range(R.shape[0]):
+        out[k] = quaternion(R[k])
+    return out
+
+
+@compiled
 def normalized(q):  # type: ignore
     """(4,) the quaternion of length 1."""
     return q / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])

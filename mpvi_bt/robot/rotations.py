@@ -19,7 +19,7 @@ def rotation(R: Array) -> Rotation:
     """scipy's rotation of matrices (3, 3) or (n, 3, 3) that are orthogonal but for rounding."""
     if R.ndim == 2:
         return Rotation.from_quat(kernels.quaternion(R))
-    return Rotation.from_quat([kernels.quaternion(one) for one in R])
+    return Rotation.from_quat(kernels.quaternions(R))
 
 
 def quaternion(R: Array) -> Array:
