@@ -25,7 +25,7 @@ MAX_PROBLEMS = 200  # of one file; who wants to mend more begins with these
 
 Location = tuple[str | int, ...]
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _QUOTED = re.compile(r"""(?<=[\s\[{,])(?:"[^"]*"|'[^']*')""")
 # Spaces that are none to YAML, and what has no width: they come in with text that is copied from a page.
 _UNSEEN = "[\u00a0\u00ad\u1680\u2000-\u200f\u202f\u205f\u2060\u3000\ufeff]"
@@ -122,7 +122,7 @@ class _Reader:
     def read(self) -> tuple[Any, Marks]:
         data: Any = None
         try:
-            loader = _Loader(self.text)
+            loader = LOADER(self.text)
             try:
                 self.events = iter(loader.get_event, None)
                 data = self._document()
@@ -301,7 +301,7 @@ def _long_quote(text: str, stop: int) -> tuple[int, int] | None:
     found = None
     last = 0
     try:
-        events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
+        events: Iterator[Any] = yaml.parse(text, Loader=LOADER)
         for event in events:
             start, last = event.start_mark.index, event.end_mark.index
             if isinstance(event, yaml.ScalarEvent) and event.style in ("'", '"') and "\n" in text[start:last]:

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from mpvi_bt import paths
 from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.cli.check import check
-from mpvi_bt.cli.problems import WIDTH, excerpt
-from mpvi_bt.drawing.cells import columns
+from mpvi_bt.cli.problems import excerpt
+from mpvi_bt.drawing.cells import WIDTH, columns
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, load_marked
 
 ROOT = paths.shipped()

@@ -11,10 +11,9 @@ from typing import Any
 import click
 
 from mpvi_bt import paths
-from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.drawing.cells import WIDTH, cut, one_line
 from mpvi_bt.errors import UserError
 
-_WIDTH = 80
 FOLDERS = {
     "tasks": "tasks", "suites": "tasks/suites", "methods": "tasks/methods", "skills": "skills", "trees": "trees",
 }  # fmt: skip
@@ -43,12 +42,12 @@ def list_(what: str, whole: bool, as_json: bool) -> None:
 
 def _print(lines: dict[str, str], whole: bool) -> None:
     """A line each, as wide as the terminal; or the whole of each, wrapped."""
-    name_width, width = max(map(len, lines), default=0), shutil.get_terminal_size((_WIDTH, 24)).columns
+    name_width, width = max(map(len, lines), default=0), shutil.get_terminal_size((WIDTH, 24)).columns
     for name, line in lines.items():
         first, rest = f"{name:{name_width}}  ", " " * (name_width + 2)
         line = line.strip()
         if whole:
-            wrapped = textwrap.wrap(line, _WIDTH, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
+            wrapped = textwrap.wrap(line, WIDTH, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
             click.echo("\n".join(wrapped) or name)
         else:
             click.echo(cut(f"{first}{one_line(line)}".rstrip(), width))

@@ -8,11 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mpvi_bt.drawing.cells import columns
+from mpvi_bt.drawing.cells import WIDTH, columns
 from mpvi_bt.errors import Problem
 from mpvi_bt.marked_yaml import MAX_BYTES
 
-WIDTH = 80
 _LINE_ENDS = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 _QUOTED = re.compile(r"""'(?:[^']|'')*'|"(?:[^"\\]|\\.)*\"""")
 _PLAIN = re.compile(r"(?:[^:#]|:(?=\S)|(?<=\S)#)+")

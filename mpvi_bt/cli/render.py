@@ -13,6 +13,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File, arguments, complete_param
+from mpvi_bt.drawing.cells import WIDEST, WIDTH
 from mpvi_bt.drawing.terminal import give
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import write_whole
@@ -22,7 +23,6 @@ if TYPE_CHECKING:  # what they load is slower than the help of this command shou
     from mpvi_bt.tree.spec import TreeSpec
     from mpvi_bt.tree.state import NodeState
 
-_WIDTH, _WIDEST = 80, 120
 
 Format = Literal["ascii", "unicode", "dot", "svg", "html"]
 _SUFFIXES: dict[str, Format] = {
@@ -95,7 +95,7 @@ def render(
     form = form or (_guessed(out) if out and not as_json else "ascii")
     picture = _picture(tree, tick, arguments(params))
     if width is None:
-        width = min(shutil.get_terminal_size().columns, _WIDEST) if out is None and sys.stdout.isatty() else _WIDTH
+        width = min(shutil.get_terminal_size().columns, WIDEST) if out is None and sys.stdout.isatty() else WIDTH
     text = json.dumps(_described(picture), indent=2) if as_json else _drawn(picture, form, width)
     if out is None:
         give(text + "\n")

@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from mpvi_bt.cli.given import File
-from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.drawing.cells import WIDEST, WIDTH, cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.symbols import legend
 from mpvi_bt.drawing.terminal import draw
@@ -26,8 +26,6 @@ from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 
-_WIDTH = 80
-_WIDEST = 120
 _PAGE = 10
 _KEY = re.compile(r"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
 _ESCAPES = {
@@ -102,27 +100,27 @@ def _at(trace: Trace, tick: int, unicode: bool) -> Iterator[str]:
     i = trace.index_at(tick)
     tree, _, blackboard = _standing(trace, i)
     states = trace.states_at(tick)
-    yield _title(trace, i, _WIDTH, tick)
-    yield from (line.text for line in tree_lines(tree, states, _WIDTH, unicode=unicode))
-    yield from filter(None, [where(tree, states, _WIDTH), _values(blackboard, (), _WIDTH)])
-    yield cut(legend(unicode), _WIDTH)
+    yield _title(trace, i, WIDTH, tick)
+    yield from (line.text for line in tree_lines(tree, states, WIDTH, unicode=unicode))
+    yield from filter(None, [where(tree, states, WIDTH), _values(blackboard, (), WIDTH)])
+    yield cut(legend(unicode), WIDTH)
 
 
 def _changes(trace: Trace, unicode: bool) -> Iterator[str]:
     """A line for every change."""
-    yield from (line.text for line in tree_lines(trace.tree, None, _WIDTH, unicode=unicode))
+    yield from (line.text for line in tree_lines(trace.tree, None, WIDTH, unicode=unicode))
     placed = {node.path: node for node in trace.tree.nodes}
     for change, moment in trace.moments():
         when = f"{change.time_s:7.1f} s  "
         if change.tree is not None:
-            yield cut(f"{when}the tree from now on:", _WIDTH)
-            yield from (line.text for line in tree_lines(moment.tree, None, _WIDTH, unicode=unicode))
+            yield cut(f"{when}the tree from now on:", WIDTH)
+            yield from (line.text for line in tree_lines(moment.tree, None, WIDTH, unicode=unicode))
             placed = {node.path: node for node in moment.tree.nodes}
         for path in filter(change.nodes.__contains__, placed):
-            yield when + node_line(placed[path], change.nodes[path], _WIDTH - len(when), unicode=unicode).text
+            yield when + node_line(placed[path], change.nodes[path], WIDTH - len(when), unicode=unicode).text
         if change.blackboard:
-            yield cut(when + _values(change.blackboard, (), _WIDTH), _WIDTH)
-    yield cut(_ending(trace), _WIDTH)
+            yield cut(when + _values(change.blackboard, (), WIDTH), WIDTH)
+    yield cut(_ending(trace), WIDTH)
 
 
 def _ending(trace: Trace) -> str:
@@ -200,7 +198,7 @@ class Player:
 
     def screen(self, size: os.terminal_size) -> list[str]:
         """The lines of the present tick, which fit a terminal of that size."""
-        width = min(size.columns, _WIDEST)
+        width = min(size.columns, WIDEST)
         trace, i = self._trace, self.i
         tree, states, blackboard = _standing(trace, i)
         change = trace.ticks[i] if i >= 0 else Tick(1, 0.0)

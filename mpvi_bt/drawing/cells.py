@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import unicodedata
 
+WIDTH = 80  # columns that every terminal and mail has; what is not told how wide it may be keeps to them
+WIDEST = 120  # our choice: longer lines are hard to read, however wide the terminal is
 _JOINERS = "\u200c\u200d"  # they join letters and emoji; every other invisible character is escaped
 
 

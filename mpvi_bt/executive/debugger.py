@@ -14,14 +14,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Failure
-from mpvi_bt.drawing.cells import wrapped
+from mpvi_bt.drawing.cells import WIDTH, wrapped
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.globs import matching, require_match
 
-_WIDTH = 80
 _STOP = "q\n"
 _WORDS = {
     Status.SUCCESS: "success",
@@ -205,7 +204,7 @@ class Debugger(Watcher):
                 except UserError as error:
                     self._say(str(error))
             case "s":
-                self._stream.write(ascii_tree(tree.spec, tree.states(), _WIDTH) + "\n")
+                self._stream.write(ascii_tree(tree.spec, tree.states(), WIDTH) + "\n")
             case "k":
                 values = sorted(tree.context.blackboard.items())
                 self._say(*(f"{key} = {value!r}" for key, value in values) if values else ("the blackboard is empty",))
@@ -218,7 +217,7 @@ class Debugger(Watcher):
         return False
 
     def _say(self, *lines: str) -> None:
-        self._stream.write("".join(part + "\n" for line in lines for part in wrapped(line, _WIDTH)))
+        self._stream.write("".join(part + "\n" for line in lines for part in wrapped(line, WIDTH)))
         self._stream.flush()
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable
 from typing import TextIO
 
-from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.drawing.cells import WIDTH, cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.symbols import legend
 from mpvi_bt.drawing.terminal import draw
@@ -18,7 +18,6 @@ from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 
-_WIDTH = 80
 _REDRAWS_PER_S = 5.0  # Our choice: an eye asks for no more, and each costs about a millisecond
 
 
@@ -52,8 +51,8 @@ class LiveTree:
         if self._terminal:
             self._redraw(spec, {}, "waiting for the world")
         else:
-            lines = [line.text for line in tree_lines(spec, None, _WIDTH, unicode=self._unicode)]
-            self._write([cut(self._title, _WIDTH), *lines] if self._title else lines)
+            lines = [line.text for line in tree_lines(spec, None, WIDTH, unicode=self._unicode)]
+            self._write([cut(self._title, WIDTH), *lines] if self._title else lines)
 
     def start(self, tree: Tree, world: World) -> None:
         """Draw the tree, unless `show` has."""
@@ -81,7 +80,7 @@ class LiveTree:
         if changed:
             self._write(
                 f"{world.time_s:7.1f} s  "
-                + node_line(placed, changed[placed.path], _WIDTH - 11, unicode=self._unicode).text
+                + node_line(placed, changed[placed.path], WIDTH - 11, unicode=self._unicode).text
                 for placed in tree.spec.nodes
                 if placed.path in changed
             )
@@ -95,12 +94,12 @@ class LiveTree:
         if self._terminal:
             self._redraw(spec, states, how, whole=True)
         else:
-            lines = [line.text for line in tree_lines(spec, states, _WIDTH, unicode=self._unicode)]
-            self._write([*lines, *filter(None, [where(spec, states, _WIDTH)]), how])
+            lines = [line.text for line in tree_lines(spec, states, WIDTH, unicode=self._unicode)]
+            self._write([*lines, *filter(None, [where(spec, states, WIDTH)]), how])
 
     def _redraw(self, spec: TreeSpec, states: dict[str, NodeState], status: str, whole: bool = False) -> None:
-        size = shutil.get_terminal_size((_WIDTH, 24))
-        width = min(size.columns, _WIDTH)
+        size = shutil.get_terminal_size((WIDTH, 24))
+        width = min(size.columns, WIDTH)
         head = f"{self._title}  {status}" if self._title else status
         below = [*filter(None, [where(spec, states, width)]), cut(legend(self._unicode), width)]
         lines = tree_lines(spec, states, width, fold=not whole, unicode=self._unicode)

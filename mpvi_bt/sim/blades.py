@@ -14,12 +14,12 @@ from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.rules.cutting import Slicer, cut, rearmed
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.presence import Presence
+from mpvi_bt.sim.shaders import PHYSICS_HZ
 from mpvi_bt.things.catalogue import Entry
 
 PUSH_N = 1.0  # Our choice: a knife that lies beside a thing does not cut it (OmniGibson's does at a touch)
 _BLADE_M = 0.004  # a contact so near to a blade is on it
 _CONTACT_M = 0.02  # physics tells contacts from a smaller distance
-_STEP_S = 1 / 120  # of physics: contacts tell impulses
 _TURNED = pose((0.0, 0.0, 0.0), np.pi)
 
 
@@ -89,7 +89,8 @@ class Blades:
             if other is None:
                 continue
             on_blade = [p for p in contact.points if any(within(blade, np.asarray(p.position)) for blade in blades)]
-            push_n = float(norm(sum((np.asarray(p.impulse, float) for p in on_blade), np.zeros(3)))) / _STEP_S
+            impulse = sum((np.asarray(p.impulse, float) for p in on_blade), np.zeros(3))  # of one step of physics [Ns]
+            push_n = float(norm(impulse)) * PHYSICS_HZ
             if push_n > PUSH_N:
                 found.append(other)
         return sorted(found)

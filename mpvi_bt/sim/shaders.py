@@ -19,7 +19,7 @@ import sapien
 from mpvi_bt import paths
 from mpvi_bt.errors import NoRenderingDevice
 
-PHYSICS_HZ = 120
+PHYSICS_HZ = 120  # steps a second, four a control step; BEHAVIOR has 120, too
 SOLVER_ITERATIONS = 15  # fewer lose a held bin (measured: 8 iterations, 1 delivery in 12)
 
 _SKY = "vec3(0.80, 0.88, 0.94)"  # sRGB; what is drawn where nothing is

@@ -35,7 +35,7 @@ from mpvi_bt.sim.marking import Marking, MarkTools
 from mpvi_bt.sim.mounting import Mounts
 from mpvi_bt.sim.patches import patch_of
 from mpvi_bt.sim.presence import Presence
-from mpvi_bt.sim.shaders import new_scene
+from mpvi_bt.sim.shaders import PHYSICS_HZ, new_scene
 from mpvi_bt.sim.sim_robot import SimRobot
 from mpvi_bt.sim.switches import Switches
 from mpvi_bt.sim.temperatures import Temperatures
@@ -43,7 +43,6 @@ from mpvi_bt.sim.whereabouts import Whereabouts
 from mpvi_bt.things.catalogue import SUBSTANCE, Entry
 from mpvi_bt.things.description import Handle
 
-PHYSICS_HZ = 120
 ROBOT = "robot"  # among the names of `World.contacts`
 OVEN_C = 200.0  # Our choice: what is as hot when it is on, and acts on dough, bakes it
 GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn

@@ -11,16 +11,16 @@ import bisect
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import yaml
 
 from mpvi_bt.marked_yaml import Location, Marks
+from mpvi_bt.yaml_reader import LOADER
 
 Position = tuple[int, int]  # 1-based line and column
 _Entries = dict[Location, Position]  # where a key or a list item begins, its dash included
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _LINE = re.compile("[^\r\n\x85\u2028\u2029]*(?:\r\n|[\r\n\x85\u2028\u2029]|$)")  # as YAML counts lines
 
 
@@ -127,7 +127,7 @@ def _found(text: str) -> tuple[list[_Found], dict[Position, Position]]:
     filled: set[int] = set()
     dashes: dict[Position, Position] = {}
     dash: Position | None = None
-    for token in yaml.scan(text, Loader=_Loader):
+    for token in yaml.scan(text, Loader=LOADER):
         start, end = token.start_mark, token.end_mark
         place = (start.line + 1, start.column + 1)
         if dash is not None:
