@@ -5,7 +5,7 @@
 FOLDER has a folder of results for each condition: `clean`, and one for each fault. The thresholds are those of the
 file, fixed before. A handoff counts as failing if the policy had faults and the checker never found it complete, and as
 going well if the checker did. A signal's score is the most that it gets to, in thresholds; that of two in agreement is
-the second largest of the four at one time. False alarms are counted in `clean`.
+the second largest of the four at one time, and that of any of them the largest. False alarms are counted in `clean`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mpvi_bt.monitors.calibration import Calibration, load_calibration
 from mpvi_bt.monitors.signals import SAMPLE_S, SIGNALS
 from mpvi_bt.robot.solids import Array
 
-AGREE = "two agree"
+AGREE, ANY = "two agree", "any"
 COLUMNS = (
     Column(head="fault"),
     Column(head="signal"),
@@ -35,7 +35,7 @@ COLUMNS = (
 
 
 def ratios(known: Calibration, watched: Watched) -> Array:
-    """(n, 5) each signal in thresholds at each sample, and the second largest of them."""
+    """(n, 6) each signal in thresholds at each sample, then the second largest of them and the largest."""
     levels = known.skills[watched.run.skill].thresholds
     rows = []
     for sample, values in enumerate(watched.run.samples):
@@ -43,7 +43,7 @@ def ratios(known: Calibration, watched: Watched) -> Array:
             value / max(levels[name][min(sample, len(levels[name]) - 1)], 1e-9)  # type: ignore[index]
             for name, value in zip(SIGNALS, values, strict=True)
         ]
-        rows.append([*row, sorted(row)[-2]])
+        rows.append([*row, *sorted(row)[-2:]])
     return np.array(rows)
 
 
@@ -56,13 +56,13 @@ def auroc(failing: Sequence[float], well: Sequence[float]) -> float | None:
 
 
 def rows(fault: str, known: Calibration, faulty: Sequence[Watched], clean: Sequence[Watched]) -> list[list[Cell]]:
-    """Of one fault, a row for each signal and for two in agreement."""
+    """Of one fault, a row for each signal, for two in agreement and for any of them."""
     bad = [ratios(known, w) for w in faulty if w.ended != "success"]
     good = [ratios(known, w) for w in (*clean, *faulty) if w.ended == "success"]
     calm = [ratios(known, w) for w in clean if w.ended == "success"]
     episodes = len({(w.task, w.instance) for w in clean})
     found: list[list[Cell]] = []
-    for column, name in enumerate((*SIGNALS, AGREE)):
+    for column, name in enumerate((*SIGNALS, AGREE, ANY)):
         first = [np.flatnonzero(r[:, column] > 1.0) for r in bad]
         times = [float(at[0]) * SAMPLE_S for at in first if len(at)]
         false = sum(bool((r[:, column] > 1.0).any()) for r in calm)

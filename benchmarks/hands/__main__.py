@@ -52,6 +52,7 @@ SEEDS = _Seeds()
 @click.option("--perception-error", "perception_cm", type=click.FloatRange(0, 20), default=0.0, metavar="CM",
               help="Error of where things are believed to be, standard deviation.")  # fmt: skip
 @click.option("--assisted", is_flag=True, help="Fix what a closing hand pinches to the hand.")
+@click.option("--pregrasp", is_flag=True, help="A planned motion brings the hand before what is to be picked up.")
 @click.option("--robot", type=click.Choice(list(ROBOTS)), default="r1", show_default=True)
 @click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
 @click.option("--wall-limit", type=click.FloatRange(1), default=WALL_LIMIT_S, show_default=True,
@@ -67,8 +68,8 @@ SEEDS = _Seeds()
 @click.option("--json", "as_json", is_flag=True, help="The table as JSON.")
 def main(
     skill: tuple[str, ...], case: tuple[str, ...], policy: str, seeds: list[int], shapes: str, noise: str,
-    perception_cm: float, assisted: bool, robot: str, workers: int, wall_limit: float, out: Path, again: bool,
-    show: Path | None, video: bool, listing: bool, only_table: bool, as_json: bool,
+    perception_cm: float, assisted: bool, pregrasp: bool, robot: str, workers: int, wall_limit: float, out: Path,
+    again: bool, show: Path | None, video: bool, listing: bool, only_table: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Play trials of single skills and print the table of what came of them."""
     try:
@@ -84,7 +85,7 @@ def main(
             wanted = [row for row in rows.values() if (row.job.skill, row.job.case) in pairs]
         else:
             jobs = [
-                Job(s, c, p, seed, _shapes(shapes, seed), noise, perception_cm, assisted, robot)
+                Job(s, c, p, seed, _shapes(shapes, seed), noise, perception_cm, assisted, robot, pregrasp)
                 for (s, c), p, seed in itertools.product(pairs, policies, seeds)
             ]
             todo = [job for job in jobs if again or show or job not in rows]

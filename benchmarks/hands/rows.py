@@ -25,6 +25,7 @@ class Job:
         perception_cm: Standard deviation of the error of where things are believed to be.
         assisted: Whether grasps are assisted.
         robot: Whose hands.
+        pregrasp: Whether a planned motion brings the hand before what is to be picked up, before the policy plays.
     """
 
     skill: str
@@ -36,6 +37,7 @@ class Job:
     perception_cm: float = 0.0
     assisted: bool = False
     robot: str = "r1"
+    pregrasp: bool = False
 
     @property
     def name(self) -> str:
@@ -103,6 +105,6 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _row(data: Mapping[str, Any]) -> Row:
-    data = {"robot": "r1", **data}  # rows of before there was another
+    data = {"robot": "r1", "pregrasp": False, **data}  # rows of before there was another
     job = Job(**{f.name: data[f.name] for f in fields(Job)})
     return Row(job, **{f.name: data[f.name] for f in fields(Row) if f.name != "job"})

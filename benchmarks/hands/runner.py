@@ -14,7 +14,9 @@ from benchmarks.hands.scenes import draw
 from benchmarks.hands.show import Film
 from benchmarks.hands.trial import play
 from benchmarks.pool import play_all
+from mpvi_bt.choices.policies import PolicyInputs, with_pregrasp
 from mpvi_bt.errors import BackendError, NoRenderingDevice, UserError
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
@@ -39,21 +41,26 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
     maker = maker_of(job.policy)
     try:
         world = trial.world(
-            render=maker.pictures or show is not None, assisted=job.assisted, robot=robot_named(job.robot)
+            render=maker.pictures or job.pregrasp or show is not None,
+            assisted=job.assisted,
+            robot=robot_named(job.robot),
         )
     except BackendError as error:
         if isinstance(error, NoRenderingDevice):
             raise
         return Row(job, False, f"no_scene: {error}")
     off_m = job.perception_cm / 100
-    policy = maker.make(world, job.seed, off_m)
+    alone = policy = maker.make(world, job.seed, off_m)
+    if job.pregrasp:
+        vocabulary = {e.name: e.phrases for e in world.knowledge()}
+        policy = with_pregrasp(alone, PolicyInputs(load_skills(), vocabulary, seed=job.seed))
     errors = replace(ERRORS[job.noise], offset_m=off_m)
-    robot = NoisyRobot(world.robot, world.cameras, errors, job.seed) if maker.pictures else world.robot
+    robot = NoisyRobot(world.robot, world.cameras, errors, job.seed) if maker.pictures or job.pregrasp else world.robot
     film = None if show is None else Film(world, show / job.name.replace("/", "-").replace(" ", "_"), video)
     played = play(trial, world, policy, robot, None if film is None else film.step)
     if film is not None:
         film.end()
-    attempts = getattr(policy, "attempts", None)
+    attempts = getattr(alone, "attempts", None)
     note = played.note.partition(" (")[0]  # without what candidates died of
     cause = f"{played.missing}: {note}" if note else played.missing
     return Row(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.failing.detection import AGREE, auroc, rows
+from benchmarks.failing.detection import AGREE, ANY, auroc, rows
 from benchmarks.failing.intervention import row, undisturbed
 from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
 from benchmarks.failing.latency import rows as latency_rows
@@ -41,6 +41,7 @@ def test_a_signal_alone_finds_what_two_in_agreement_do_not() -> None:
     assert table["stall"] == [pytest.approx(0.875), (2, 2), 0.5, 0.5]
     assert table["reversals"][1:] == [(1, 2), 0.0, 0.0]
     assert table[AGREE][1:] == [(1, 2), 0.0, 0.0]
+    assert table[ANY][1:] == [(2, 2), 0.5, 0.5]
     assert table["grip"] == [0.5, (0, 2), None, 0.0]
 
 
@@ -63,7 +64,7 @@ def test_only_pairs_count_and_each_task_as_much_as_another() -> None:
 
 
 def test_an_episode_without_alarm_and_failure_needs_no_second_run() -> None:
-    """One signal alone changes nothing; two at one time do, and so does a handoff that failed."""
+    """One signal changes nothing where two are needed; two at one time do, and so does a handoff that failed."""
 
     def played(ended: str, *samples: list[float]) -> Any:
         return SimpleNamespace(handoffs=[{"ended": ended, "skill": "pick", "samples": samples}])
@@ -71,6 +72,7 @@ def test_an_episode_without_alarm_and_failure_needs_no_second_run() -> None:
     assert undisturbed(played("success", [2, 0, 0, 0], [0, 0, 2, 0]), KNOWN)
     assert undisturbed(played("interrupted", [0, 0, 9, 0]), KNOWN)
     assert not undisturbed(played("success", [2, 0, 2, 0]), KNOWN)
+    assert not undisturbed(played("success", [2, 0, 0, 0]), KNOWN, agree=1)
     assert not undisturbed(played("failure", [0, 0, 0, 0]), KNOWN)
 
 

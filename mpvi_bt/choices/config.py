@@ -111,6 +111,9 @@ class PolicySettings:
     policy_ensemble: float | None = setting(
         None, "Ask at every step, and average overlapping chunks with weights exp(-DECAY i).", "DECAY", least=0
     )
+    pregrasp: bool = setting(
+        False, "Before a handoff bring the hand before what is to be picked up, by a planned motion."
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

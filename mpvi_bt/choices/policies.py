@@ -146,6 +146,15 @@ def disturbed(policy: Policy, config: EpisodeConfig, skills: Mapping[str, Skill]
     return policy
 
 
+def with_pregrasp(policy: Policy, ground: PolicyInputs) -> Policy:
+    """The policy, handed over to with the hand before what is to be picked up."""
+    from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
+
+    return WithPregrasp(
+        policy, PregraspPolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
+    )
+
+
 def check_policy_choice(config: EpisodeConfig) -> None:
     """Refuse a choice of policy that cannot work, without a simulator or a connection.
 

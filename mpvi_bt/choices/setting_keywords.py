@@ -26,6 +26,7 @@ class SuiteKeywords(TypedDict, total=False):
     policy_settings: str | None
     policy_horizon: int | None
     policy_ensemble: float | None
+    pregrasp: bool
     checker: str
     trigger: str
     while_asked: Literal["go_on", "hold"]

@@ -13,7 +13,7 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.choices.navigators import explorer, make_navigator
-from mpvi_bt.choices.policies import PolicyInputs, demonstrations, disturbed, in_chunks, make_policy
+from mpvi_bt.choices.policies import PolicyInputs, demonstrations, disturbed, in_chunks, make_policy, with_pregrasp
 from mpvi_bt.disturbances.answer_times import TimedPolicy
 from mpvi_bt.episode.prepare import Prepared, arrangement
 from mpvi_bt.executive.replanning import Replanner, things
@@ -81,6 +81,7 @@ def assemble(
     policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
     timed = TimedPolicy(policy) if config.times is not None else None
     relevant = task_relevant(tree.spec, skills)
+    handed = disturbed(in_chunks(timed or policy, config), config, skills, relevant)
     if isinstance(world, World) and house is not None:
         navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
     else:
@@ -92,7 +93,7 @@ def assemble(
         clock=world,
         robot=world.robot,
         navigator=navigator,
-        policy=disturbed(in_chunks(timed or policy, config), config, skills, relevant),
+        policy=with_pregrasp(handed, ground) if config.pregrasp else handed,
         checker=checker if config.latency is None else LateChecker(checker, latency_of(config, "checker")),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,

@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.disturbances.late_policy import LatePolicy
 from mpvi_bt.episode.result import Lateness
 from mpvi_bt.manipulation.policies.chunks import WrappedPolicy
 from mpvi_bt.protocols import Policy
 
+Kind = TypeVar("Kind", bound=WrappedPolicy)
+
 
 def lateness_of(policy: Policy) -> Lateness | None:
     """What the latency of a policy came to; None if it has none."""
-    if not isinstance(policy, LatePolicy):
+    late = _layer(policy, LatePolicy)
+    if late is None:
         return None
     return Lateness(
-        stale_action_ratio=round(policy.stale_action_ratio, 6),
-        effective_control_hz=round(policy.effective_control_hz, 6),
+        stale_action_ratio=round(late.stale_action_ratio, 6),
+        effective_control_hz=round(late.effective_control_hz, 6),
     )
 
 
 def faults_of(policy: Policy) -> dict[str, int] | None:
     """How often each fault of a policy came about; None if it was given none."""
-    while not isinstance(policy, FaultyPolicy):
+    faulty = _layer(policy, FaultyPolicy)
+    return None if faulty is None else dict(sorted(faulty.happened.items()))
+
+
+def _layer(policy: Policy, kind: type[Kind]) -> Kind | None:
+    """The outermost layer of a kind in which a policy is wrapped."""
+    while not isinstance(policy, kind):
         if not isinstance(policy, WrappedPolicy):
             return None
         policy = policy.wrapped
-    return dict(sorted(policy.happened.items()))
+    return policy

@@ -30,7 +30,6 @@ from mpvi_bt.scene.knowledge import contents
 from mpvi_bt.scene.seen import Seen
 
 # Our choice.
-_TRIES = 3  # of a clause
 _OTHERS = 4  # things that are opened, one after the other, because something was not in the one before
 _HANDS_RAD = 0.9  # tilt of the head that sees what folded hands hold
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
@@ -46,6 +45,7 @@ class ReactivePolicy(ScriptedPolicy):
     """`mpvi_bt.protocols.Policy` that sees, and knows no simulator."""
 
     name = "reactive"
+    tries = 3  # of a clause. Our choice
 
     def __init__(
         self, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
@@ -73,7 +73,7 @@ class ReactivePolicy(ScriptedPolicy):
         self._seen.forget(kinds([*named, *filter(None, map(contents, named))]))
         if any(call.skill.hands for call in calls):
             yield from self._look_at_hands(work)
-        left = [(call, _TRIES) for call in calls for _ in range(count(call))]
+        left = [(call, self.tries) for call in calls for _ in range(count(call))]
         opened: SkillCall | None = None
         others = _OTHERS
         while left:

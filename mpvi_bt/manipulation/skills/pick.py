@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -12,7 +13,8 @@ from mpvi_bt.manipulation.motion.carry import back_off, settle
 from mpvi_bt.manipulation.motion.work import NEAR_M, Words, Work
 from mpvi_bt.manipulation.skills.draw_out import draw_out
 from mpvi_bt.manipulation.stance.grasps import grasps
-from mpvi_bt.manipulation.stance.stance import Option
+from mpvi_bt.manipulation.stance.stance import Option, Stance
+from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.perception.phrases import OTHER, normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
@@ -58,7 +60,10 @@ class Lifting:
 _LIFT = Lifting()
 
 
-def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
+Take = Callable[[Work, str, Side, list[Array]], Actions]  # what a hand does with a thing, as `pick_up`
+
+
+def pick(work: Work, words: Words, tried: list[Array], take: Take | None = None) -> Actions:
     """Pick up the thing that `words["object"]` names, with the hand `words["hand"]` if that is said.
 
     Of several alike the nearest that a hand can take is meant; where it cannot be reached, the next one is. Where none
@@ -68,9 +73,10 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
         work: Robot and world.
         words: Of the skill call.
         tried: Base poses that did not do; the one taken is added.
+        take: What is done with it; None: `pick_up`.
 
     Raises:
-        MotionFailure: "unknown_object", "hands_full", or as `pick_up`.
+        MotionFailure: "unknown_object", "hands_full", or as `take`.
     """
     failed, beyond = MotionFailure("no_stance"), None  # what is out of reach
     alike = {e.name for e in work.scene.knowledge().find(words["object"])}
@@ -94,7 +100,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
                 continue
             for side in work.free_hands(name, words.get("hand")):
                 try:
-                    yield from pick_up(work, name, side, tried)
+                    yield from (take or pick_up)(work, name, side, tried)
                     return
                 except MotionFailure as failure:
                     if failure.reason not in ("no_stance", "no_grasp"):
@@ -128,16 +134,14 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion, scene = work.motion, work.scene
     yield from motion.grip(side, 1.0, GRIP.ready_s)
     try:
-        stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
+        found = yield from approach(work, side, name, lambda: options(work, name), tried)
     except MotionFailure as failure:
         if failure.reason != "no_stance":
             raise
         yield from draw_out(work, name, side)
-        stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
-    yield from motion.grip(side, motion.robot.hand.command(stance.opening_m), GRIP.preset_s)
+        found = yield from approach(work, side, name, lambda: options(work, name), tried)
+    stance = yield from _before(work, name, side, *found)
     try:
-        stance = yield from arrive(work, stance, search, lambda: options(work, name))
-        yield from lines(work, side, stance, [0])  # aside to where it stands: on a slant a finger would meet the thing
         yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
         work.grasped[side] = work.hand(side)[:3, :3]
@@ -154,6 +158,36 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         raise
     yield from leave(work, stance)
     yield from _bring(work, name, side)
+
+
+def come_before(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+    """Bring a hand, open as far as the grasp needs, before a thing, as `pick_up` does, and no further.
+
+    Args:
+        work: Robot and world.
+        name: The thing; nothing touches it.
+        side: The hand.
+        tried: Base poses that did not do; the one taken is added.
+
+    Raises:
+        MotionFailure: "no_grasp", "no_stance", or a motion's own reason.
+    """
+    yield from work.motion.grip(side, 1.0, GRIP.ready_s)
+    found = yield from approach(work, side, name, lambda: options(work, name), tried)
+    yield from _before(work, name, side, *found)
+
+
+def _before(work: Work, name: str, side: Side, stance: Stance, search: Search) -> Generator[Array, None, Stance]:
+    """Take up a stance; returns it, corrected by a look from there. A motion that fails is taken back."""
+    motion = work.motion
+    yield from motion.grip(side, motion.robot.hand.command(stance.opening_m), GRIP.preset_s)
+    try:
+        stance = yield from arrive(work, stance, search, lambda: options(work, name))
+        yield from lines(work, side, stance, [0])  # aside to where it stands: on a slant a finger would meet the thing
+    except MotionFailure:
+        yield from withdraw(work, side, stance)
+        raise
+    return stance
 
 
 def _bring(work: Work, name: str, side: Side) -> Actions:

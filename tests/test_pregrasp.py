@@ -1,0 +1,108 @@
+"""Planned pre-grasps: who is at work when, and where the hand is at the handoff."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.r1 import R1
+from mpvi_bt.sim.world import ROBOT
+from tests.small_house import placed, small_world
+
+SKILLS = load_skills()
+
+
+class Counting:
+    """A policy that ends after so many actions of its own, and counts what it is asked for."""
+
+    def __init__(self, name, camera, ends=10**9):
+        self.name, self.cameras, self.note, self.gave_up, self._ends = name, (camera,), f"{name} at work", False, ends
+        self.asked = 0
+
+    @property
+    def ended(self):
+        return self.asked >= self._ends
+
+    def reset(self):
+        self.asked = 0
+
+    def infer(self, observation):
+        self.asked += 1
+        return np.zeros((1, 23))
+
+
+class Pregrasp(Counting):
+    """Stands in for the motion."""
+
+    first = staticmethod(PregraspPolicy(SKILLS).first)
+
+
+def handed() -> Any:
+    """A policy with a pre-grasp of three actions; that policy; that pre-grasp."""
+    policy: Any = Counting("learned", "wrist")
+    before: Any = Pregrasp("pregrasp", "head", 3)
+    return WithPregrasp(policy, before), policy, before
+
+
+def tell(both, prompt, steps):
+    for _ in range(steps):
+        both.infer({"prompt": prompt, "proprioception": None, "images": {}})
+
+
+def test_the_policy_is_asked_once_the_pregrasp_has_ended():
+    """Cameras and note are of the one at work; the policy looks through its own before it is asked."""
+    both, policy, before = handed()
+    tell(both, "pick up the can, then put the can in the bin", 2)
+    assert (both.cameras, both.note, policy.asked) == (("head",), "pregrasp: pregrasp at work", 0)
+    tell(both, "pick up the can, then put the can in the bin", 1)
+    assert (both.cameras, both.note) == (("wrist",), "learned at work")
+    tell(both, "pick up the can, then put the can in the bin", 4)
+    assert (policy.asked, before.asked) == (4, 3)
+
+
+@pytest.mark.parametrize("prompt", ["put the can in the bin", "open the fridge, then pick up the can", "hum a tune"])
+def test_what_does_not_begin_with_picking_up_is_handed_over_at_once(prompt):
+    """There is no pre-grasp of other skills."""
+    both, policy, before = handed()
+    tell(both, prompt, 2)
+    assert (policy.asked, before.asked) == (2, 0)
+
+
+def test_each_handoff_has_its_pregrasp():
+    """A reset begins another handoff, of the same prompt too."""
+    both, policy, before = handed()
+    tell(both, "pick up the can", 5)
+    both.reset()
+    tell(both, "pick up the can", 1)
+    assert (policy.asked, before.asked) == (0, 1)
+
+
+@pytest.mark.render
+def test_the_hand_is_before_the_thing_and_nothing_is_touched():
+    """At the handoff a hand stands open within a hand's breadth of the thing, which is where it was."""
+    world = small_world({"can": placed("can_of_soda", 0.9, 0.1)}, render=True)
+    world.settle()
+    before = world.pose("can").copy()
+    policy = Counting("learned", "head")
+    both = WithPregrasp(policy, PregraspPolicy(SKILLS, vocabulary={"can": ("can of soda",)}))
+    touched = False
+    while not policy.asked and world.time_s < 30:
+        images = {camera: world.robot.look(camera) for camera in both.cameras}
+        felt = world.robot.proprioception()
+        world.step(both.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": images})[0])
+        touched |= any({ROBOT, "can"} == {a, b} for a, b, _ in world.contacts())
+    assert policy.asked
+    assert not touched
+    np.testing.assert_allclose(world.pose("can"), before, atol=2e-3)
+    felt = world.robot.proprioception()
+    T_world_base = kin.base(felt.base_pose)
+    hands = {side: T_world_base @ R1.tcp(felt.torso, felt.arm[side], side) for side in SIDES}
+    side = min(SIDES, key=lambda s: np.linalg.norm(hands[s][:3, 3] - before[:3, 3]))
+    assert np.linalg.norm(hands[side][:3, 3] - before[:3, 3]) < 0.2
+    assert felt.gripper_width[side] > 0.05
