@@ -25,7 +25,7 @@ from mpvi_bt.learned.training_set import TrainingSet
 from mpvi_bt.robot.solids import Array
 
 ACTOR_STEPS, PROPOSER_STEPS = 12_000, 3_000
-_ACTOR_BATCH, _PROPOSER_BATCH = 384, 192
+_ACTOR_BATCH, _PROPOSER_BATCH = 256, 192
 _ACTOR_RATE, _PROPOSER_RATE = 1e-3, 1.5e-3
 _ACTOR_DECAY, _PROPOSER_DECAY = 1e-3, 1e-2
 _WARM_STEPS, _LEAST_RATE = 200, 0.02
