@@ -201,3 +201,22 @@ def test_the_command_leaves_weights_that_the_policy_loads_and_the_curves(folder:
     assert Weights.load(out).about["pick"]["demonstrations"] == 4
     assert [row["network"] for row in json.loads((tmp_path / "mine.pick.json").read_text())] == ["proposer", "actor"]
     assert "mine.npz: pick" in capsys.readouterr().out
+
+
+def test_skills_are_added_to_a_file_of_weights(folder: Path, tmp_path: Path, capsys):
+    """What it held of another skill is there afterwards, to the bit, with what was told of it."""
+    out, steps = tmp_path / "mine.npz", ["--actor-steps", "2", "--proposer-steps", "2"]
+    (tmp_path / "place_in").mkdir()
+    demonstrate(tmp_path / "place_in" / "0.npz", 0, grip=-1.0)
+    demonstrate(tmp_path / "place_in" / "1.npz", 1, grip=-1.0)
+    whole = []
+    for data, skill in ((folder, "pick"), (tmp_path, "place_in")):
+        with pytest.raises(SystemExit) as ended:
+            main(["train", "learned", str(data), "--skills", skill, "--out", str(out), *steps])
+        assert not ended.value.code
+        whole.append(Weights.load(out))
+    first, second = whole
+    assert list(second.skills) == list(second.about) == ["pick", "place_in"]
+    assert second.about["pick"] == first.about["pick"]
+    was, now = first.skills["pick"].weights, second.skills["pick"].weights
+    assert all(np.array_equal(was[name], now[name]) for name in was)

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
+from mpvi_bt.learned.policy import RECOVERY, WEIGHTS, LearnedPolicy, Recovery
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 from mpvi_bt.perception.segmentation import SegmentationDetector
@@ -42,15 +42,21 @@ def _reactive(world: World, seed: int, off_m: float) -> Policy:
     return ReactivePolicy(load_skills(), seed, vocabulary={e.name: e.phrases for e in world.knowledge()})
 
 
-def _learned(world: World, seed: int, off_m: float, weights: Path = WEIGHTS) -> Policy:
+def _learned(
+    world: World, seed: int, off_m: float, weights: Path = WEIGHTS, recovery: Recovery = RECOVERY
+) -> Policy:  # fmt: skip
     vocabulary = {e.name: e.phrases for e in world.knowledge()}
-    return LearnedPolicy(load_skills(), SegmentationDetector(vocabulary, least_px=1), seed, weights)
+    return LearnedPolicy(load_skills(), SegmentationDetector(vocabulary, least_px=1), seed, weights, recovery)
 
 
 POLICIES: Mapping[str, Maker] = {
     "expert": Maker(_expert, False),
     "reactive": Maker(_reactive, True),
     "learned": Maker(_learned, True),
+    # Ablations of it.
+    "learned-one-hypothesis": Maker(partial(_learned, recovery=Recovery(hypotheses=1)), True),
+    "learned-one-try": Maker(partial(_learned, recovery=Recovery(tries=0)), True),
+    "learned-unrebased": Maker(partial(_learned, recovery=Recovery(rebases=False)), True),
 }
 
 

@@ -28,7 +28,7 @@ def learned(
 ) -> None:
     """Train the policy `learned` from the demonstrations in FOLDER/SKILL/.
 
-    What is interrupted goes on where it was when it is started again. The same demonstrations and seed make the same
+    What is interrupted goes on where it was when it is started again. What FILE.npz holds of other skills stays in it. The same demonstrations and seed make the same
     weights on one machine. `mpvi run TASK --policy learned:FILE.npz` runs with them.
     """
     from mpvi_bt.errors import UserError
@@ -41,7 +41,8 @@ def learned(
     from mpvi_bt.learned.training import train as train_networks
     from mpvi_bt.learned.training_set import read_frames
 
-    networks, about = {}, {}
+    kept = Weights.load(out) if out.exists() else Weights(BODY.name, {}, {})
+    networks, about = dict(kept.skills), dict(kept.about)
     for skill in skills.split(","):
         frames = read_frames(folder, skill, lambda line: click.echo(line, err=True))
         job = Training(frames, seed, actor_steps or ACTOR_STEPS, proposer_steps or PROPOSER_STEPS)

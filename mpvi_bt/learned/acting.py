@@ -47,7 +47,9 @@ _BETWEEN = np.maximum(1 - np.abs(np.arange(1, CHUNK + 1)[:, None] / STRIDE - np.
 Step = tuple[Array, Array, Array, float]
 
 
-def propose(net: Networks, now: Moments, begun: Array, points: Array, nth: int, here: bool) -> Array | None:
+def propose(
+    net: Networks, now: Moments, begun: Array, points: Array, most: int, nth: int, here: bool
+) -> Array | None:  # fmt: skip
     """(1, 14) the likeliest stance whose hand pose the arm can reach; None if there is none.
 
     Args:
@@ -55,6 +57,7 @@ def propose(net: Networks, now: Moments, begun: Array, points: Array, nth: int, 
         now: One moment.
         begun: (1, 3) where the base was when the skill began: stances are proposed as seen from there.
         points: (128, 3) of the world.
+        most: How many hypotheses, the likeliest ones, are considered.
         nth: Which in that order; the last one if there are fewer.
         here: Whether the base stays where it is.
     """
@@ -63,7 +66,8 @@ def propose(net: Networks, now: Moments, begun: Array, points: Array, nth: int, 
     hypotheses, likely = net.propose(frame.points(some), frame.told, _PROPOSED_POINTS)
     stances, hands = frame.stance(hypotheses)
     found = []
-    for stance, hand, log_likely in zip(stances, hands, likely, strict=True):
+    for k in np.argsort(-likely)[:most]:
+        stance, hand, log_likely = stances[k], hands[k], likely[k]
         at = bent(np.concatenate([now.base[0], stance[3:]]) if here else stance, hand)
         if at is not None:
             off = float(np.abs(at[7:] - stance[7:]).max())

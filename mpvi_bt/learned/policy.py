@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased
 from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
 from mpvi_bt.learned.learned_hand import LearnedHand
 from mpvi_bt.learned.learned_motions import MOTIONS, LearnedMotion
-from mpvi_bt.learned.network import Networks, Weights
+from mpvi_bt.learned.network import HYPOTHESES, Networks, Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.clauses import clauses, match
@@ -26,13 +27,30 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 WEIGHTS = Path(__file__).parent / "weights.npz"
-_TRIES = 5  # closings on nothing
 _EMPTY_CHUNKS = 3  # that a closed hand is empty before it is opened
 _OPENING = 15  # steps
 _CLOSED = -0.9
 _STUCK_CHUNKS = 10  # without a move: 3 s
 _STUCK_M = 0.02
 _DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, so far from where it closed or let go
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What is done about a stance that does not work out. The benchmark of hands leaves out one of these at a time.
+
+    Attributes:
+        hypotheses: How many of the proposer's, the likeliest ones, are considered.
+        tries: Closings on nothing that another stance is proposed after; 0: nor is one where nothing moves.
+        rebases: Whether the stance is solved anew where the base has come to rest a little off.
+    """
+
+    hypotheses: int = HYPOTHESES
+    tries: int = 5
+    rebases: bool = True
+
+
+RECOVERY = Recovery()
 
 
 class LearnedPolicy:
@@ -48,13 +66,16 @@ class LearnedPolicy:
 
     name = "learned"
 
-    def __init__(self, skills: Mapping[str, Skill], detector: Detector, seed: int = 0, weights: Path = WEIGHTS) -> None:
+    def __init__(
+        self, skills: Mapping[str, Skill], detector: Detector, seed: int = 0, weights: Path = WEIGHTS,
+        recovery: Recovery = RECOVERY,
+    ) -> None:  # fmt: skip
         """Act by a file of weights, seeing through `detector`.
 
         Raises:
             UserError: The weights cannot be read, or are of another version.
         """
-        self._skills, self._detector, self._seed = skills, detector, seed
+        self._skills, self._detector, self._seed, self._recovery = skills, detector, seed, recovery
         self._weights = Weights.load(weights)
         self._prompts = 0
         self.reset()
@@ -205,7 +226,7 @@ class LearnedPolicy:
             if empty >= _EMPTY_CHUNKS and motion.opens:
                 self.note = "dropped: the hand is empty on the way"
                 return
-            if empty >= _EMPTY_CHUNKS and tries < _TRIES:  # closed on nothing: open, and think again
+            if empty >= _EMPTY_CHUNKS and tries < self._recovery.tries:  # closed on nothing: open, and think again
                 empty, tries, stance = 0, tries + 1, None
                 yield hand.still(_OPENING, 1.0)
                 continue
@@ -215,18 +236,18 @@ class LearnedPolicy:
             if motion.sees(grip):
                 self._looked(memory, motion)
             points = hand.points(memory.sample())
-            if rest.stuck(at) and closed == motion.opens:
+            if self._recovery.tries and rest.stuck(at) and closed == motion.opens:
                 stance, tries = None, tries + 1
             if stance is None:
                 self.attempts += 1
-                stance = propose(net, now, begun, points, tries, here=tries > 0)
+                stance = propose(net, now, begun, points, self._recovery.hypotheses, tries, here=tries > 0)
             if stance is None and tries:
-                stance = propose(net, now, begun, points, tries, here=False)
+                stance = propose(net, now, begun, points, self._recovery.hypotheses, tries, here=False)
             if stance is None:
                 reason = "out_of_reach" if tries else NO_SKILL
                 self.note = f"{reason}: no hand pose that it proposes for the {target}"
                 return
-            stance = rebased(now, stance)
+            stance = rebased(now, stance) if self._recovery.rebases else stance
             steps, self.progress = chunk(net, now, ahead(now, stance), points, motion.ahead(grip))
             yield np.array([hand.command(*step) for step in steps])
 
