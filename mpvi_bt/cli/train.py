@@ -28,8 +28,9 @@ def learned(
 ) -> None:
     """Train the policy `learned` from the demonstrations in FOLDER/SKILL/.
 
-    What is interrupted goes on where it was when it is started again. What FILE.npz holds of other skills stays in it. The same demonstrations and seed make the same
-    weights on one machine. `mpvi run TASK --policy learned:FILE.npz` runs with them.
+    What is interrupted goes on where it was when it is started again; what FILE.npz holds of other skills stays in it.
+    The same demonstrations and seed make the same weights on one machine. `mpvi run TASK --policy learned:FILE.npz`
+    runs with them.
     """
     from mpvi_bt.errors import UserError
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.robot.protocol import ActionLayout, Side
+from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
 from mpvi_bt.robot.r1 import R1, mirrored
 from mpvi_bt.robot.solids import Array
 
@@ -43,7 +43,7 @@ def action(action: Array) -> Array:
     out = np.array(action, float)
     out[..., ActionLayout.BASE] = base(action[..., ActionLayout.BASE])
     out[..., ActionLayout.TORSO] = torso(action[..., ActionLayout.TORSO])
-    for side, other in (("left", "right"), ("right", "left")):
+    for side, other in zip(SIDES, reversed(SIDES), strict=True):
         out[..., ActionLayout.ARM[side]] = arm(action[..., ActionLayout.ARM[other]])
         out[..., ActionLayout.GRIPPER[side]] = action[..., ActionLayout.GRIPPER[other]]
     return out
