@@ -13,6 +13,7 @@ from mpvi_bt.choices.lateness import LateChecker
 from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.errors import BackendError, NodeError
 from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.monitors.alarms import Alarms
 from mpvi_bt.monitors.calibration import Calibration, SkillThresholds
 from mpvi_bt.monitors.signals import SIGNALS
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
@@ -69,6 +70,18 @@ def test_one_signal_alone_is_none_unless_one_is_enough() -> None:
     assert watched(calibrated(stall=2.0)).run(300) is Status.RUNNING
     one = WATCHED.replace("monitor: pick", "monitor: pick\nagree: 1")
     assert watched(calibrated(stall=2.0), one).run(300) is Status.FAILURE
+
+
+def test_one_signal_alone_is_an_alarm_once_it_has_lasted() -> None:
+    """So long after it passed its threshold; one that falls back under it begins anew."""
+    lasting = WATCHED.replace("monitor: pick", "monitor: pick\nalone: 3")
+    bench = watched(calibrated(stall=2.0), lasting)
+    assert bench.run(300) is Status.FAILURE
+    assert bench.failure.reason == "alarm"
+    assert 5.0 < bench.world.time_s < 6.0
+    alarms = Alarms(2, 1.0)
+    assert not any(alarms.update(past) for past in (["stall"], ["stall"], [], ["stall"], ["stall"]))
+    assert alarms.update(["stall"])
 
 
 def test_without_a_calibration_it_only_records() -> None:

@@ -5,7 +5,8 @@
 FOLDER has a folder of results for each condition: `clean`, and one for each fault. The thresholds are those of the
 file, fixed before. A handoff counts as failing if the policy had faults and the checker never found it complete, and as
 going well if the checker did. A signal's score is the most that it gets to, in thresholds; that of two in agreement is
-the second largest of the four at one time, and that of any of them the largest. False alarms are counted in `clean`.
+the second largest of the four at one time, that of any of them the largest, and that of one that lasts the most that
+one stays above for 10 s. False alarms are counted in `clean`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from mpvi_bt.monitors.calibration import Calibration, load_calibration
 from mpvi_bt.monitors.signals import SAMPLE_S, SIGNALS
 from mpvi_bt.robot.solids import Array
 
-AGREE, ANY = "two agree", "any"
+ALONE_S = 10.0  # our choice: in calibrating_*.yaml no signal stayed past its threshold for longer than 8.5 s
+AGREE, ANY, LASTING = "two agree", "any", "two agree, or one for 10 s"
 COLUMNS = (
     Column(head="fault"),
     Column(head="signal"),
@@ -35,7 +37,7 @@ COLUMNS = (
 
 
 def ratios(known: Calibration, watched: Watched) -> Array:
-    """(n, 6) each signal in thresholds at each sample, then the second largest of them and the largest."""
+    """(n, 7) each signal in thresholds at each sample, then what `AGREE`, `ANY` and `LASTING` go by."""
     levels = known.skills[watched.run.skill].thresholds
     rows = []
     for sample, values in enumerate(watched.run.samples):
@@ -44,7 +46,12 @@ def ratios(known: Calibration, watched: Watched) -> Array:
             for name, value in zip(SIGNALS, values, strict=True)
         ]
         rows.append([*row, *sorted(row)[-2:]])
-    return np.array(rows)
+    found = np.array(rows)
+    alone = round(ALONE_S / SAMPLE_S) + 1
+    lasting = [
+        found[max(i + 1 - alone, 0) : i + 1, :4].min(0).max() if i + 1 >= alone else 0.0 for i in range(len(rows))
+    ]
+    return np.column_stack([found, np.maximum(found[:, 4], lasting)])
 
 
 def auroc(failing: Sequence[float], well: Sequence[float]) -> float | None:
@@ -56,13 +63,13 @@ def auroc(failing: Sequence[float], well: Sequence[float]) -> float | None:
 
 
 def rows(fault: str, known: Calibration, faulty: Sequence[Watched], clean: Sequence[Watched]) -> list[list[Cell]]:
-    """Of one fault, a row for each signal, for two in agreement and for any of them."""
+    """Of one fault, a row for each signal and for each way to make an alarm of them."""
     bad = [ratios(known, w) for w in faulty if w.ended != "success"]
     good = [ratios(known, w) for w in (*clean, *faulty) if w.ended == "success"]
     calm = [ratios(known, w) for w in clean if w.ended == "success"]
     episodes = len({(w.task, w.instance) for w in clean})
     found: list[list[Cell]] = []
-    for column, name in enumerate((*SIGNALS, AGREE, ANY)):
+    for column, name in enumerate((*SIGNALS, AGREE, ANY, LASTING)):
         first = [np.flatnonzero(r[:, column] > 1.0) for r in bad]
         times = [float(at[0]) * SAMPLE_S for at in first if len(at)]
         false = sum(bool((r[:, column] > 1.0).any()) for r in calm)

@@ -1,13 +1,13 @@
 """What interventions win back: q with and without them, of the same tasks, instances and faults, at equal time budgets.
 
-    python -m benchmarks.failing.intervention CALIBRATION WITHOUT WITH [--agree 1] [--keep NAME ...]
+    python -m benchmarks.failing.intervention CALIBRATION WITHOUT WITH [--agree N] [--alone S] [--keep NAME ...]
 
 WITHOUT and WITH have a folder of results for each condition: `clean`, and one for each fault; WITHOUT was played in the
 tree `monitored`, WITH in `intervene` or one like it, with the thresholds of CALIBRATION. An episode in which no handoff
-failed and as many signals as the tree says (`--agree`) were never past theirs at one time goes the same way in both,
-tick by tick, and needs not be played again: what WITH lacks of these is taken from WITHOUT. Of all others only those
-count that are in both. The interval of a difference is that of `mpvi suite report`: instances are drawn anew within
-each task. Won back is the share of what the fault costs, that is q of `clean` without intervention less q of the fault.
+failed and there is no alarm, by what the tree says (`--agree`, `--alone`), goes the same way in both, tick by tick, and
+needs not be played again: what WITH lacks of these is taken from WITHOUT. Of all others only those count that are in
+both. The interval of a difference is that of `mpvi suite report`: instances are drawn anew within each task. Won back
+is the share of what the fault costs, that is q of `clean` without intervention less q of the fault.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from benchmarks.failing.keeping import keeping, tell
 from benchmarks.tables import Cell, Column
 from mpvi_bt.episode.result import Result, read_result
 from mpvi_bt.marked_yaml import load_marked, validate_data
+from mpvi_bt.monitors.alarms import Alarms
 from mpvi_bt.monitors.calibration import Calibration
 from mpvi_bt.monitors.signals import SIGNALS
 from mpvi_bt.report.statistics import difference, estimate
@@ -47,18 +48,19 @@ def results(folder: Path) -> dict[Key, Result]:
     return {(r.task, r.instance_id): r for r in found if r is not None}
 
 
-def undisturbed(result: Result, known: Calibration, agree: int = 2) -> bool:
+def undisturbed(result: Result, known: Calibration, agree: int = 2, alone_s: float | None = None) -> bool:
     """Whether there is nothing in an episode after which `intervene` would do anything else than `monitored`.
 
     Args:
         result: Of the episode, in `monitored`.
         known: The thresholds.
-        agree: Signals past them that make an alarm.
+        agree, alone_s: What makes an alarm, as of `monitors.alarms`.
     """
     for handoff in result.handoffs or []:
         samples = np.array(handoff["samples"], float).reshape(-1, len(SIGNALS))
-        alarms = (known.alarms(str(handoff["skill"]), i, list(values)) for i, values in enumerate(samples))
-        if handoff["ended"] == "failure" or any(len(agreeing) >= agree for agreeing in alarms):
+        past = (known.alarms(str(handoff["skill"]), i, list(values)) for i, values in enumerate(samples))
+        alarms = Alarms(agree, alone_s)
+        if handoff["ended"] == "failure" or any(alarms.update([name for name, _, _ in of]) for of in past):
             return False
     return True
 
@@ -93,14 +95,15 @@ def row(name: str, without: Mapping[Key, Result], with_: Mapping[Key, Result], c
 @click.argument("without", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.argument("with_", metavar="WITH", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--agree", type=click.IntRange(1, 4), default=2, show_default=True, help="As the tree of WITH has it.")
+@click.option("--alone", "alone_s", type=click.FloatRange(0), metavar="S", help="Likewise.")
 @keeping
-def main(calibration: Path, without: Path, with_: Path, agree: int, **kept: str) -> None:
+def main(calibration: Path, without: Path, with_: Path, agree: int, alone_s: float | None, **kept: str) -> None:
     """Print q of each condition in WITHOUT and WITH."""
     known = validate_data(*load_marked(calibration), Calibration)
     both = {}
     for folder in sorted(path for path in without.iterdir() if path.is_dir()):
         before = results(folder)
-        same = {key: result for key, result in before.items() if undisturbed(result, known, agree)}
+        same = {key: result for key, result in before.items() if undisturbed(result, known, agree, alone_s)}
         both[folder.name] = before, {**same, **results(with_ / folder.name)}
     table: list[list[Cell]] = []
     for name, (before, after) in sorted(both.items(), key=lambda item: item[0] != "clean"):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.failing.detection import AGREE, ANY, auroc, rows
+from benchmarks.failing.detection import AGREE, ANY, LASTING, auroc, rows
 from benchmarks.failing.intervention import row, undisturbed
 from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
 from benchmarks.failing.latency import rows as latency_rows
@@ -42,6 +42,7 @@ def test_a_signal_alone_finds_what_two_in_agreement_do_not() -> None:
     assert table["reversals"][1:] == [(1, 2), 0.0, 0.0]
     assert table[AGREE][1:] == [(1, 2), 0.0, 0.0]
     assert table[ANY][1:] == [(2, 2), 0.5, 0.5]
+    assert table[LASTING][1:] == [(1, 2), 0.0, 0.0]
     assert table["grip"] == [0.5, (0, 2), None, 0.0]
 
 
@@ -73,6 +74,8 @@ def test_an_episode_without_alarm_and_failure_needs_no_second_run() -> None:
     assert undisturbed(played("interrupted", [0, 0, 9, 0]), KNOWN)
     assert not undisturbed(played("success", [2, 0, 2, 0]), KNOWN)
     assert not undisturbed(played("success", [2, 0, 0, 0]), KNOWN, agree=1)
+    assert undisturbed(played("success", *[[2.0, 0, 0, 0]] * 2), KNOWN, alone_s=1.0)
+    assert not undisturbed(played("success", *[[2.0, 0, 0, 0]] * 3), KNOWN, alone_s=1.0)
     assert not undisturbed(played("failure", [0, 0, 0, 0]), KNOWN)
 
 

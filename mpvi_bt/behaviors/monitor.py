@@ -9,14 +9,17 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import WatchedHandoff
 from mpvi_bt.behaviors.node import Decorator
+from mpvi_bt.behaviors.parameters import duration_text
+from mpvi_bt.behaviors.timer import Timer
 from mpvi_bt.errors import NotInDryRun
+from mpvi_bt.monitors.alarms import Alarms
 from mpvi_bt.monitors.signals import SAMPLE_STEPS, Signals
 
 _UNITS = {"reversals": "/s", "disagreement": " rad", "stall": " s", "grip": ""}
 
 
 class Monitor(Decorator):
-    """FAILURE with reason "alarm" at a sample at which at least `agree` signals are past their thresholds.
+    """FAILURE with reason "alarm" at a sample at which enough signals are past their thresholds (`monitors.alarms`).
 
     The thresholds are those of the run's calibration for the skill. Without a calibration, or without that skill in it,
     it never alarms, and says so. Either way the run's log gets the handoff with its samples, and arm and torso targets
@@ -30,11 +33,16 @@ class Monitor(Decorator):
         child: Where the policy is at work.
         skill: Whose thresholds.
         agree: Signals that must agree, 1 to 4.
+        alone: How long one alone must be past its threshold: simulated seconds or control steps; None: never enough.
     """
 
-    def __init__(self, name: str, child: Behaviour, skill: str | None = None, agree: int = 2) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, skill: str | None = None, agree: int = 2, alone: float | str | None = None
+    ) -> None:
         super().__init__(name, child)
         self.skill, self.agree = skill, agree
+        self._alone = "" if alone is None else f", or one for {duration_text(alone)}"
+        self._alone_s = None if alone is None else Timer(alone).limit_s
         self._handoff: WatchedHandoff | None = None
         self._signals: Signals | None = None
 
@@ -49,11 +57,12 @@ class Monitor(Decorator):
             self._signals, self.feedback_message = None, "no robot to measure"
             return
         self._steps, self._notices = 0, len(context.log.notices)
+        self._alarms = Alarms(self.agree, self._alone_s)
         self._handoff = WatchedHandoff(self.skill or "", self.path, context.clock.time_s)
         context.log.handoffs.append(self._handoff)
         known = context.calibration.skills.get(self.skill or "") if context.calibration else None
         if known is not None:
-            self.feedback_message = f"{self.agree} of 4 signals, by {known.runs} runs of {self.skill}"
+            self.feedback_message = f"{self.agree} of 4 signals{self._alone}, by {known.runs} runs of {self.skill}"
         else:
             self.feedback_message = "no alarms: not calibrated" + (f" for {self.skill}" if self.skill else "")
 
@@ -89,10 +98,10 @@ class Monitor(Decorator):
         super().terminate(new_status)
 
     def _alarm(self, sample: int, values: Sequence[float]) -> str:
-        """What the signals say against going on; "" if too few agree."""
+        """What the signals say against going on; "" if that is no alarm."""
         calibration = self.context.calibration
         if calibration is None or not self.skill:
             return ""
         past = calibration.alarms(self.skill, sample, values)
         told = [f"{name} {value:.3g}{_UNITS[name]} > {limit:.3g}" for name, value, limit in past]
-        return ", ".join(told) if len(past) >= self.agree else ""
+        return ", ".join(told) if self._alarms.update([name for name, _, _ in past]) else ""

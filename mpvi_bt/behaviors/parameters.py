@@ -159,10 +159,14 @@ class Call(Parameters):
 
 
 class Watch(Parameters):
-    """Of monitor: the skill whose thresholds hold (none: it only records), and how many signals must agree."""
+    """Of monitor: the skill whose thresholds hold (none: it only records), and what makes an alarm.
+
+    That many signals must agree, or one alone must last so long (nothing said: one alone is no alarm).
+    """
 
     skill: str | None = None
     agree: Annotated[int, Field(ge=1, le=4)] = 2
+    alone: Duration | None = None
 
 
 class Back(Parameters):
