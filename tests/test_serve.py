@@ -7,6 +7,8 @@ import copy
 import re
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import time
 import urllib.request
@@ -544,3 +546,34 @@ def test_reading_says_where() -> None:
     """Errors name the place in the message, and what is known there."""
     with pytest.raises(BadMessage, match=r"proprioception.arm: unknown key 'lef'. Did you mean 'left'"):
         read_observation(_with(np.zeros(7), "proprioception", "arm", "lef"))
+
+
+PICTURES = """
+import asyncio, resource
+import numpy as np
+from mpvi_bt.remote.codec import pack, unpack
+from mpvi_bt.remote.server import SocketServer
+from tests.serving import grip
+
+frame = pack({str(k): np.zeros((224, 224, 7), np.uint8) for k in range(3)})
+
+def faults():
+    for _ in range(5):
+        unpack(bytes(bytearray(frame)))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        unpack(bytes(bytearray(frame)))
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before) / 20
+
+async def serve():
+    async with SocketServer("probe", grip).listening("127.0.0.1", 0):
+        print(faults())
+
+asyncio.run(serve())
+"""
+
+
+def test_a_server_asks_the_system_for_no_memory_for_each_message() -> None:
+    """Of three pictures: hundreds of pages would be cleared for each, which takes longer than to unpack them."""
+    done = subprocess.run([sys.executable, "-c", PICTURES], capture_output=True, text=True, check=True, timeout=120)
+    assert float(done.stdout) < 20

@@ -16,11 +16,11 @@ import numpy as np
 
 from mpvi_bt.errors import BadMessage
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.retargeting import as_r1pro
 from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.robot.rotations import rotation
+from mpvi_bt.robot.rotations import matrices, rotation
 from mpvi_bt.robot.solids import Array
 
 Dialect = Literal["behavior-2025", "behavior-2026"]
@@ -191,11 +191,10 @@ def fields_of(numbers: Array, dialect: Dialect) -> dict[str, Array]:
         fits = next((f", as {other} has" for other in DIALECTS if SIZE[other] == shape[-1]), "") if shape else ""
         raise BadMessage(f"proprioception of shape {shape}{fits}; {dialect} has {SIZE[dialect]} numbers")
     fields = {name: given[where] for name, where in FIELDS[dialect].items()}
-    for name, values in fields.items():
-        if not np.isfinite(values).all():
-            i = int(np.argmin(np.isfinite(values)))
-            at = FIELDS[dialect][name].start + i
-            raise BadMessage(f"proprioception: {values[i]} at {at}, which is {name}[{i}] of {dialect}")
+    if not np.isfinite(given).all():
+        at = int(np.argmin(np.isfinite(given)))
+        name, where = next((n, where) for n, where in FIELDS[dialect].items() if at < where.stop)
+        raise BadMessage(f"proprioception: {given[at]} at {at}, which is {name}[{at - where.start}] of {dialect}")
     return fields
 
 
@@ -268,13 +267,12 @@ def cameras_in_base(numbers: Array) -> dict[str, Array]:
     Raises:
         BadMessage: There are not 21, not all are finite, or a quaternion is 0.
     """
-    from scipy.spatial.transform import Rotation
-
     given = np.asarray(numbers, float)
     if given.size != 21 or not np.isfinite(given).all():
         raise BadMessage(f"cam_rel_poses of shape {given.shape}; 21 finite numbers are wanted")
-    poses = dict(zip(CAMERAS, given.reshape(3, 7), strict=True))
-    for camera, pose in poses.items():
-        if not pose[3:].any():
-            raise BadMessage(f"cam_rel_poses: the quaternion of {camera} is 0")
-    return {c: kin.transform(Rotation.from_quat(pose[3:]).as_matrix() * _USD, pose[:3]) for c, pose in poses.items()}
+    places, quaternions = np.split(given.reshape(3, 7), [3], axis=1)
+    lengths = norm(quaternions, axis=1)
+    if not lengths.all():
+        raise BadMessage(f"cam_rel_poses: the quaternion of {CAMERAS[int(lengths.argmin())]} is 0")
+    turns = matrices(quaternions / lengths[:, None]) * _USD
+    return {camera: kin.transform(R, place) for camera, R, place in zip(CAMERAS, turns, places, strict=True)}

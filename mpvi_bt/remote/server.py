@@ -29,6 +29,7 @@ from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
 
 MOST_CLIENTS = 64  # each has a policy and a thread
 INTERNAL_ERROR = 1011  # what openpi closes with after an error
+_KEPT_BYTES = 30 << 20  # of memory that is kept from one message for the next; glibc has no more than 32 MB of such
 _log = logging.getLogger("mpvi_bt.remote.server")  # what websockets would say of each bad handshake
 _log.addHandler(logging.NullHandler())
 _log.propagate = False
@@ -140,6 +141,7 @@ class SocketServer:
         Raises:
             OSError: The address cannot be had.
         """
+        _keep_memory()
         async with serve(
             self._client,
             host,
@@ -248,6 +250,15 @@ async def _unless(gone: asyncio.Future[None], wanted: asyncio.Future[Any]) -> An
         return wanted.result()
     wanted.cancel()
     return None
+
+
+def _keep_memory() -> None:
+    """Have glibc keep the memory of a message for the next one.
+
+    What is larger than 128 kB it asks the system for anew, whose pages are cleared one by one, unless it has once freed
+    something larger. With three pictures of 224 pixels that takes longer than all else that is done with a message.
+    """
+    bytes(_KEPT_BYTES)  # no page of it is touched
 
 
 def _port(server: Server) -> int:
