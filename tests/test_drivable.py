@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.collision import Load, Surroundings
 from mpvi_bt.robot.mobile_base import placed
 from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.protocol import Proprioception, Side
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array, Solid, box
+from mpvi_bt.scene.held import Held
 from tests.small_house import small_world
 
 START, AHEAD = np.zeros(3), np.array([0.6, 0.0, 0.0])
@@ -93,3 +94,17 @@ def test_a_base_with_corners_turns_where_there_is_room_for_it() -> None:
         way = there.route(start, goal)
         assert way is not None
         np.testing.assert_allclose(np.stack(way), np.stack([np.array([1.3, 0.0, 0.0]), goal]), atol=1e-9)
+
+
+def test_what_is_carried_is_not_driven_into_what_is_known_underfoot() -> None:
+    """Where hidden space is trusted, a sofa that only the way there has shown keeps off what a hand holds, too."""
+    there = site()
+    x, y, z = there.motion.hand("left")[:3, 3]
+    bag = Load([box((0.0, 0.0, 0.1), (0.2, 0.2, 0.2))])
+    held: dict[Side, Held] = {"left": Held("bag", "left", np.eye(4), (), bag)}
+    for ahead, free in ((0.35, False), (1.2, True)):
+        board = box((x + ahead + 0.2, y + 0.1, z - 0.1), (0.4, 0.1, 0.1))
+        carrying = replace(there, held=held, underfoot=Surroundings([board]))
+        assert carrying.stands(AHEAD[None])[0]
+        assert carrying.drivable(START, AHEAD) is free
+        assert replace(carrying, held={}).drivable(START, AHEAD)

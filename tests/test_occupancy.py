@@ -41,6 +41,24 @@ def test_a_thing_that_the_map_lacks_is_added_where_it_is() -> None:
     assert not house.occupied[house.cell((2.1, 2.0))], "the given map is not written to"
 
 
+def test_what_a_picture_shows_stands_as_high_as_it_was_seen_and_nowhere_beside() -> None:
+    """A crate stands from the floor to its top; floor that was seen, and what was not, is as empty as what is off it.
+
+    With a prior map its walls stand, too, though no picture tells how high they are.
+    """
+    house, heights = two_rooms(), np.array([0.02, 0.2, 0.38, 0.5])
+    for occupancy in (Occupancy.unknown(POSE[:2]), Occupancy.prior(house)):
+        occupancy.update(picture(POSE, [*walls(house), CRATE]))
+        stands = occupancy.standing(np.array([1.5, 2.12, 3.0, 99.0]), np.array([2.0, -99.0]), heights)
+        assert stands.shape == (4, 2, 4)
+        assert stands[1, 0].tolist() == [True, True, True, False]
+        assert stands.sum() == 3
+    row, column = np.argwhere(house.occupied)[0]
+    x, y = house.center(row, column)
+    for occupancy, known in ((Occupancy.prior(house), True), (Occupancy.unknown(POSE[:2]), False)):
+        assert occupancy.standing(np.array([x]), np.array([y]), heights)[0, 0].tolist() == [known, known, False, False]
+
+
 def test_a_house_as_mapped_changes_nothing() -> None:
     """With a prior map and nothing else in the house no picture changes the map."""
     house = two_rooms()

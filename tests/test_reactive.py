@@ -66,9 +66,12 @@ def calm(world: World) -> World:
 
 
 def test_it_is_given_no_world() -> None:
-    """Its constructor takes skills, a seed, a timer, a detector and words; nothing that could answer for the truth."""
+    """Its constructor takes skills, a seed, a timer, a detector, words, and what who drove here has seen to stand.
+
+    Nothing that could answer for the truth: what stands is the navigator's map, which is made of pictures, too.
+    """
     parameters = inspect.signature(ReactivePolicy).parameters
-    assert list(parameters) == ["skills", "seed", "timer", "detector", "vocabulary"]
+    assert list(parameters) == ["skills", "seed", "timer", "detector", "vocabulary", "standing"]
 
 
 @pytest.mark.render

@@ -17,6 +17,7 @@ from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene import memory
 from mpvi_bt.scene import seen as module
+from mpvi_bt.scene.occupancy import Occupancy
 from mpvi_bt.scene.seen import Seen
 from mpvi_bt.scene.thing import Thing
 from mpvi_bt.shapes.furniture_shape import furniture
@@ -470,6 +471,27 @@ def test_what_a_look_aside_has_shown_is_remembered_where_hidden_space_is_trusted
         assert seen.obstacles(near, 1.7).distance(bin_) < 0.03
     with seen.trusting():
         assert seen.obstacles(near, 1.7).distance(bin_) > 0.1
+
+
+def test_what_the_navigator_saw_stands_where_no_picture_of_the_policy_looks() -> None:
+    """A bin beside the base that only the way there has shown is in its way; what is seen to be free is free."""
+    world = small_world({"bin": placed("trash_can", -2.8, -1.2)}, base=(-2.0, -1.2, -3.07), render=True)
+    tilted(world)
+    driven = Occupancy.unknown((-2.0, -1.2))
+    assert driven.update(world.robot.look("head"))
+    high, near = bounds(world.solids("bin"))[1], np.array([-2.0, -1.2])
+    bin_ = np.array([high[0] - 0.01, -1.2, high[2] - 0.05])
+    for yaw, taken, clear in ((-1.57, False, False), (-3.07, True, True)):
+        things = {} if taken else {"bin": placed("trash_can", -2.8, -1.2)}
+        now = small_world(things, base=(-2.0, -1.2, yaw), render=True)
+        tilted(now)
+        for standing, gone in ((None, True), (driven.standing, clear)):
+            seen = Seen(SegmentationDetector({}, least_px=1), standing)
+            look(now, seen)
+            for obstacles in (seen.obstacles(near, 1.7), seen.passable()):
+                assert bool(obstacles.distance(bin_) > 0.05) is gone
+            with seen.trusting():
+                assert seen.obstacles(near, 1.7).distance(bin_) > 0.05
 
 
 def test_walls_are_known_from_one_prompt_to_the_next() -> None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
     from mpvi_bt.remote.dialect_settings import DialectSettings
     from mpvi_bt.remote.observation import Vocabulary
+    from mpvi_bt.scene.seen import Standing
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class PolicyInputs:
             instructions; None: they are told prompts.
         task: Name that BEHAVIOR has for it; None: not known here.
         robot: Name of the robot; None: not known here.
+        standing: Says what who drives has seen to stand, for policies that see; None: nobody tells.
     """
 
     skills: Mapping[str, Skill]
@@ -47,6 +49,7 @@ class PolicyInputs:
     demonstrations: Mapping[str, Sequence[str]] | None = None
     task: str | None = None
     robot: str | None = None
+    standing: Standing | None = None
 
 
 def demonstrations() -> dict[str, list[str]]:
@@ -183,7 +186,9 @@ def reactive(ground: PolicyInputs) -> Policy:
     """Scripted, by what the cameras show."""
     from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 
-    made = ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
+    made = ReactivePolicy(
+        ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary, ground.standing
+    )
     return _demonstrated(made, ground)
 
 

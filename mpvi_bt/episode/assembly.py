@@ -22,6 +22,8 @@ from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.remote_world import RemoteWorld
+from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.scene.seen import Standing
 from mpvi_bt.sim.world import World
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.relevant import task_relevant
@@ -77,15 +79,16 @@ def assemble(
     told = demonstrations() if config.planner == NOBODY else None
     truth = world if isinstance(world, World) else None
     task = prepared.task.problem if prepared.task else prepared.spec.name
-    ground = PolicyInputs(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot)
-    policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
-    timed = TimedPolicy(policy) if config.times is not None else None
     relevant = task_relevant(tree.spec, skills)
-    handed = disturbed(in_chunks(timed or policy, config), config, skills, relevant)
     if isinstance(world, World) and house is not None:
         navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
     else:
         navigator = explorer(world, None, relevant, detector, config.map, config.seed)
+    standing = _standing(config, navigator)
+    ground = PolicyInputs(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot, standing)
+    policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
+    timed = TimedPolicy(policy) if config.times is not None else None
+    handed = disturbed(in_chunks(timed or policy, config), config, skills, relevant)
     guided = _guided(config, prepared)
     judged = vocabulary if house is None else {**vocabulary, **floors(house)}
     checker = make_checker(config.checker, world, judged, config.seed, prepared.models)
@@ -106,6 +109,16 @@ def assemble(
     if prepared.planner is not None:
         context.replanning = _replanning(prepared, config, tree, context, world)
     return RunParts(navigator, policy, context, timed.took_s if timed else [])
+
+
+def _standing(config: EpisodeConfig, navigator: KnownPlaceNavigator) -> Standing | None:
+    """What the navigator has seen to stand, for the policy of a base with corners.
+
+    Our choice: its head does not see what such a base, and what it carries, meets when it turns or goes aside. Round
+    ones go by what their policy has seen itself, as one does that is somewhere else.
+    """
+    wide = len(robot_named(config.robot).base.corners) > 0
+    return navigator.lookout.occupancy.standing if wide and isinstance(navigator, ExploringNavigator) else None
 
 
 def floors(house: House) -> dict[str, tuple[str, ...]]:

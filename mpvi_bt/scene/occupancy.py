@@ -26,6 +26,7 @@ _LOOSE_M = (0.06, 0.40)  # heights at which something of all that can be moved i
 _HITS = 2  # of pixels, before a cell counts as occupied
 _SAME_M = 0.10  # what is seen so near to something of the prior map is that, a little off
 _THROUGH_M, _THROUGH_PER_M = 0.10, DEPTH_NOISE.ray_m  # so far behind something it must be seen through
+_BASE_M = 0.25  # what is fixed reaches up that far, as bases do
 _NEAR_M = 1.5  # floor between the robot and the picture's lower edge is taken for free up to this
 
 
@@ -137,6 +138,24 @@ class Occupancy:
         whole[window] = occupied
         self.map = replace(self.map, occupied=whole)
         return True
+
+    def standing(self, x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
+        """(len(x), len(y), len(z)) whether something is known to stand at the crossings of three ranges [m].
+
+        From the floor up to the highest that pictures have shown there: what is below that may have been hidden. What
+        only a prior map tells of stands as high as a base at least.
+        """
+        top_m = np.where(self._hits >= _HITS, self._highest_cm / 100.0, np.where(self._fixed, _BASE_M, -np.inf))
+        (column, row), shape = (
+            (
+                np.floor((along - origin) / self.map.resolution_m).astype(int)
+                for along, origin in zip((x, y), self.map.origin_m, strict=True)
+            ),
+            top_m.shape,
+        )
+        inside = ((row >= 0) & (row < shape[0]))[None, :] & ((column >= 0) & (column < shape[1]))[:, None]
+        tops = top_m[np.clip(row, 0, shape[0] - 1)][:, np.clip(column, 0, shape[1] - 1)].T
+        return np.asarray(np.where(inside, tops, -np.inf)[:, :, None] >= z)
 
     def clear(self, lowest: Array, highest: Array) -> None:
         """Forget what depth showed where a thing stood that was taken away: in the hands it may hide that it is gone.

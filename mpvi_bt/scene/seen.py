@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.perception.detector import switch_of
+from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
@@ -34,6 +34,8 @@ from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.shapes.open_leaves import leaf, with_leaf, within_drawer
 from mpvi_bt.shapes.shape import SeenBar, Shape
 
+# Whether something stands at the crossings of three ranges of coordinates [m], as `Occupancy.standing`.
+Standing = Callable[[Array, Array, Array], NDArray[np.bool_]]
 _IN = "what is in "  # a thing that is known: all else that is seen in it, as one thing
 
 
@@ -85,6 +87,11 @@ class Seen(Memory):
     """A `mpvi_bt.scene.scene.Scene` of pictures."""
 
     exact = False
+
+    def __init__(self, detector: Detector, standing: Standing | None = None) -> None:
+        """See through `detector`; `standing` says what stands where no picture that was taken in here looks."""
+        self._standing = standing
+        super().__init__(detector)
 
     def knowledge(self) -> KnowledgeBase:
         """As `Scene` says."""
@@ -267,6 +274,8 @@ class Seen(Memory):
     def _around(self, told: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """`Remembered.around`, less what things that are `told` of better explain where they stand, not in a hand."""
         stays, shown = self._remembered.around(*ranges)
+        if self._standing is not None:
+            stays |= self._standing(*ranges)
         stays &= self._remembering
         cells = np.unravel_index(np.flatnonzero(stays | shown), stays.shape)
         p = np.column_stack([values[i] for values, i in zip(ranges, cells, strict=True)])
@@ -300,7 +309,7 @@ class Seen(Memory):
         head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _LOOK.passed_m]
         held, explaining = self._held(), self._explaining(self._held())
         views = [field.View(f.image, self._transparent(f, held, explaining)) for f in head]
-        return Field(views, self._felt.base_pose[:2], known=self._remembered.around)
+        return Field(views, self._felt.base_pose[:2], known=partial(self._around, ()))
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:

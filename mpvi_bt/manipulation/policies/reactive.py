@@ -27,7 +27,7 @@ from mpvi_bt.robot.protocol import SIDES, other
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.knowledge import contents
-from mpvi_bt.scene.seen import Seen
+from mpvi_bt.scene.seen import Seen, Standing
 
 # Our choice.
 _OTHERS = 4  # things that are opened, one after the other, because something was not in the one before
@@ -50,9 +50,13 @@ class ReactivePolicy(ScriptedPolicy):
     def __init__(
         self, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
         detector: Detector | None = None, vocabulary: Mapping[str, Iterable[str]] | None = None,
+        standing: Standing | None = None,
     ) -> None:  # fmt: skip
-        """See through `detector`, by default the picture's labels and a vocabulary: label to phrases."""
-        self._seen = Seen(detector or SegmentationDetector(vocabulary or {}, least_px=1))
+        """See through `detector`, by default the picture's labels and a vocabulary: label to phrases.
+
+        `standing` says what stands around that was seen before a prompt, by who drove here; None: nobody tells.
+        """
+        self._seen = Seen(detector or SegmentationDetector(vocabulary or {}, least_px=1), standing)
         super().__init__(self._seen, skills, seed, timer)
 
     def infer(self, observation: Mapping[str, Any]) -> Array:

@@ -333,15 +333,17 @@ class Site:
         if not self.stands(poses).all():
             return False
         body = self.body(self.motion.torso, NOTHING)
+        carrying = [(p[0], radii) for p, radii in (body.spheres(s, self.motion.arm(s)) for s in self.held)]
         if len(robot.base.corners):
             leaving, standing = _leaving(*ends[:2]), robot.hull.standing
-            knee, radii = robot.links(body.torso)
-            if not (
-                self._passes(self._standing, standing[:, :3], standing[:, 3], leaving, start)
-                and self._passes(self.everything, knee, radii, np.concatenate([leaving, poses]), start)
-            ):
+            whole = np.concatenate([leaving, poses])
+            kept = [
+                (self._standing, standing[:, :3], standing[:, 3], leaving),
+                (self.everything, *robot.links(body.torso), whole),
+                *((self.underfoot, p, radii, whole) for p, radii in carrying),
+            ]
+            if not all(self._passes(*each, start) for each in kept):
                 return False
-        carrying = [body.spheres(s, self.motion.arm(s)) for s in self.held]
         for base in poses if carrying else ():
             around = self.around(base, touched=True)
             if not all(((around.distance(p) - radii) > 0).all() for p, radii in carrying):
