@@ -73,7 +73,7 @@ def test_one_signal_alone_is_none_unless_one_is_enough() -> None:
 
 
 def test_one_signal_alone_is_an_alarm_once_it_has_lasted() -> None:
-    """So long after it passed its threshold; one that falls back under it begins anew."""
+    """So long after it passed its threshold; one that falls back under it begins anew. Odd commands alone are none."""
     lasting = WATCHED.replace("monitor: pick", "monitor: pick\nalone: 3")
     bench = watched(calibrated(stall=2.0), lasting)
     assert bench.run(300) is Status.FAILURE
@@ -82,6 +82,7 @@ def test_one_signal_alone_is_an_alarm_once_it_has_lasted() -> None:
     alarms = Alarms(2, 1.0)
     assert not any(alarms.update(past) for past in (["stall"], ["stall"], [], ["stall"], ["stall"]))
     assert alarms.update(["stall"])
+    assert not any(alarms.update(["reversals"]) for _ in range(9))
 
 
 def test_without_a_calibration_it_only_records() -> None:

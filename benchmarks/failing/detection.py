@@ -6,7 +6,7 @@ FOLDER has a folder of results for each condition: `clean`, and one for each fau
 file, fixed before. A handoff counts as failing if the policy had faults and the checker never found it complete, and as
 going well if the checker did. A signal's score is the most that it gets to, in thresholds; that of two in agreement is
 the second largest of the four at one time, that of any of them the largest, and that of one that lasts the most that
-one stays above for 10 s. False alarms are counted in `clean`.
+`stall` or `grip` stays above for 10 s. False alarms are counted in `clean`.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ import numpy as np
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.tables import Cell, Column
 from mpvi_bt.episode.handoffs import Watched, read_handoffs
+from mpvi_bt.monitors.alarms import OUTCOMES
 from mpvi_bt.monitors.calibration import Calibration, load_calibration
 from mpvi_bt.monitors.signals import SAMPLE_S, SIGNALS
 from mpvi_bt.robot.solids import Array
 
 ALONE_S = 10.0  # our choice: in calibrating_*.yaml no signal stayed past its threshold for longer than 8.5 s
-AGREE, ANY, LASTING = "two agree", "any", "two agree, or one for 10 s"
+AGREE, ANY, LASTING = "two agree", "any", "two agree, or stall or grip for 10 s"
 COLUMNS = (
     Column(head="fault"),
     Column(head="signal"),
@@ -47,9 +48,10 @@ def ratios(known: Calibration, watched: Watched) -> Array:
         ]
         rows.append([*row, *sorted(row)[-2:]])
     found = np.array(rows)
+    outcomes = [SIGNALS.index(name) for name in sorted(OUTCOMES)]
     alone = round(ALONE_S / SAMPLE_S) + 1
     lasting = [
-        found[max(i + 1 - alone, 0) : i + 1, :4].min(0).max() if i + 1 >= alone else 0.0 for i in range(len(rows))
+        found[max(i + 1 - alone, 0) : i + 1, outcomes].min(0).max() if i + 1 >= alone else 0.0 for i in range(len(rows))
     ]
     return np.column_stack([found, np.maximum(found[:, 4], lasting)])
 

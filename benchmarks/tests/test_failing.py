@@ -74,8 +74,8 @@ def test_an_episode_without_alarm_and_failure_needs_no_second_run() -> None:
     assert undisturbed(played("interrupted", [0, 0, 9, 0]), KNOWN)
     assert not undisturbed(played("success", [2, 0, 2, 0]), KNOWN)
     assert not undisturbed(played("success", [2, 0, 0, 0]), KNOWN, agree=1)
-    assert undisturbed(played("success", *[[2.0, 0, 0, 0]] * 2), KNOWN, alone_s=1.0)
-    assert not undisturbed(played("success", *[[2.0, 0, 0, 0]] * 3), KNOWN, alone_s=1.0)
+    assert undisturbed(played("success", *[[0, 0, 2.0, 0]] * 2), KNOWN, alone_s=1.0)
+    assert not undisturbed(played("success", *[[0, 0, 2.0, 0]] * 3), KNOWN, alone_s=1.0)
     assert not undisturbed(played("failure", [0, 0, 0, 0]), KNOWN)
 
 

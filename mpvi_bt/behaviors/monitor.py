@@ -33,7 +33,8 @@ class Monitor(Decorator):
         child: Where the policy is at work.
         skill: Whose thresholds.
         agree: Signals that must agree, 1 to 4.
-        alone: How long one alone must be past its threshold: simulated seconds or control steps; None: never enough.
+        alone: How long "stall" or "grip" alone must be past its threshold: simulated seconds or control steps; None: no
+            such alarm.
     """
 
     def __init__(
@@ -41,7 +42,7 @@ class Monitor(Decorator):
     ) -> None:
         super().__init__(name, child)
         self.skill, self.agree = skill, agree
-        self._alone = "" if alone is None else f", or one for {duration_text(alone)}"
+        self._alone = "" if alone is None else f", or stall or grip for {duration_text(alone)}"
         self._alone_s = None if alone is None else Timer(alone).limit_s
         self._handoff: WatchedHandoff | None = None
         self._signals: Signals | None = None

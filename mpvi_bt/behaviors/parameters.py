@@ -161,7 +161,7 @@ class Call(Parameters):
 class Watch(Parameters):
     """Of monitor: the skill whose thresholds hold (none: it only records), and what makes an alarm.
 
-    That many signals must agree, or one alone must last so long (nothing said: one alone is no alarm).
+    That many signals must agree, or "stall" or "grip" alone must last so long (nothing said: one alone is no alarm).
     """
 
     skill: str | None = None

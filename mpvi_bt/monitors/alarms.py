@@ -6,23 +6,26 @@ from collections.abc import Collection
 
 from mpvi_bt.monitors.signals import SAMPLE_S
 
+OUTCOMES = frozenset({"stall", "grip"})  # signals of what the robot gets done, not of what it is told
+
 
 class Alarms:
     """Tells, sample by sample of one handoff, whether there is an alarm.
 
-    Two symptoms at one time are seldom chance; one alone is a failure only if it lasts.
+    Two symptoms at one time are seldom chance. One alone is a failure only if it lasts, and if it is of what the robot
+    gets done: arms that are told to shake may get there all the same (docs/failing.md).
 
     Args:
         agree: So many signals past their thresholds at one sample make an alarm.
-        alone_s: So does one that has been past its threshold for so long [s]; None: one alone never does.
+        alone_s: So does one of `OUTCOMES` that has been past its threshold for so long [s]; None: one alone never does.
     """
 
     def __init__(self, agree: int = 2, alone_s: float | None = None) -> None:
         self._agree, self._alone_s = agree, alone_s
-        self._lasting: dict[str, int] = {}  # samples since a signal has been past its threshold
+        self._lasting: dict[str, int] = {}  # samples since one of them has been past its threshold
 
     def update(self, past: Collection[str]) -> bool:
         """Take in the names of the signals that are past their thresholds at the next sample."""
-        self._lasting = {name: self._lasting.get(name, -1) + 1 for name in past}
+        self._lasting = {name: self._lasting.get(name, -1) + 1 for name in OUTCOMES.intersection(past)}
         longest_s = max(self._lasting.values(), default=-1) * SAMPLE_S
         return len(past) >= self._agree or (self._alone_s is not None and longest_s >= self._alone_s)
