@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.learned.features import STRIDE, WAYPOINT, WAYPOINTS, Moments, TargetFrame, actor_inputs
+from mpvi_bt.learned.features import STRIDE, WAYPOINT, WAYPOINTS, Moments, TargetFrame, actor_inputs, hand_at
 from mpvi_bt.learned.mirroring import BODY, SIDE
 from mpvi_bt.learned.network import Networks
 from mpvi_bt.learned.points import TARGET_POINTS
@@ -20,6 +20,7 @@ _BENT = 2.0  # how much likelier a hypothesis must be for each radian that the a
 _NEAR_M = 0.3  # of the target the hand's shift and turn count, farther away the joints
 _TOP_BASE = np.array([0.6, 0.6, 1.2])  # [m/s, m/s, rad/s]
 _TOP_ARM_RAD = 0.085  # of a step
+_LED_RAD, _THERE_M = 0.03, 0.04  # of a step, before an opening; and how near to the stance's hand it is done
 _TORSO_STEP = np.array([0.15, 0.4, 0.4]) / CONTROL_HZ  # lift [m], yaw, pitch [rad]
 _OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' is not taken
 _RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
@@ -126,7 +127,9 @@ def rebased(now: Moments, stance: Array) -> Array:
     return stance if at is None or np.abs(at[7:] - g[7:]).max() >= _REBASED_RAD else at[None]
 
 
-def chunk(net: Networks, now: Moments, stance: Array, points: Array, before: bool) -> tuple[list[Step], float]:
+def chunk(
+    net: Networks, now: Moments, stance: Array, points: Array, before: bool, opens: bool
+) -> tuple[list[Step], float]:  # fmt: skip
     """The next steps: base velocity (3,), torso (4,), arm (7,) and gripper of each; and the progress, 0 to 1.
 
     Args:
@@ -135,6 +138,7 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array, before: boo
         stance: (1, 14) to come to.
         points: (128, 3) of the world.
         before: Whether the hand has yet to close or to open.
+        opens: Whether it is to open.
     """
     told, seen = actor_inputs(now, stance, points[None], TARGET_POINTS)[::-1]
     answer, progress = net.act(seen, told, TARGET_POINTS)
@@ -143,6 +147,8 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array, before: boo
     T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
     hand = matmul(now.frames()[0], now.hands()[0])[:3, 3]
     near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
+    led = near and before and opens  # what was let go of in a wrong place cannot be taken back
+    there = norm(hand_at(stance)[0, :3, 3] - hand) < _THERE_M
     steps, arm, last = [], now.told_arm[0], way[0]
     ways = matmul(_BETWEEN, way)
     turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
@@ -155,13 +161,17 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array, before: boo
             left = stance[0, 3:6] - now.told_torso[0, :3]
             torso[:3] = now.told_torso[0, :3] + np.clip(left, -k * _TORSO_STEP, k * _TORSO_STEP)
         wanted = now.told_arm[0] + at[WAYPOINT["arm"]]
-        if near:
+        if led:
+            left = stance[0, 7:] - now.told_arm[0]
+            wanted = now.told_arm[0] + np.clip(left, -k * _LED_RAD, k * _LED_RAD)
+        elif near:
             shift = kin.transform(turn, at[WAYPOINT["shift"]])
             T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shift)
             q = BODY.nearest_posture(T_chest_hand, SIDE, wanted)
             if q is not None and np.abs(q - wanted).max() < _OFF_RAD:
                 wanted = q
         arm = arm + np.clip(wanted - arm, -_TOP_ARM_RAD, _TOP_ARM_RAD)
-        steps.append((base, torso, arm, float(np.clip(at[WAYPOINT["grip"]][0], -1, 1))))
+        grip = float(np.clip(at[WAYPOINT["grip"]][0], -1, 1)) if there or not (before and opens) else now.told_grip[0]
+        steps.append((base, torso, arm, grip))
         last = at
     return steps, progress

@@ -248,7 +248,7 @@ class LearnedPolicy:
                 self.note = f"{reason}: no hand pose that it proposes for the {target}"
                 return
             stance = rebased(now, stance) if self._recovery.rebases else stance
-            steps, self.progress = chunk(net, now, ahead(now, stance), points, motion.ahead(grip))
+            steps, self.progress = chunk(net, now, ahead(now, stance), points, motion.ahead(grip), motion.opens)
             yield np.array([hand.command(*step) for step in steps])
 
 
