@@ -20,7 +20,10 @@ _BENT = 2.0  # how much likelier a hypothesis must be for each radian that the a
 _NEAR_M = 0.3  # of the target the hand's shift and turn count, farther away the joints
 _TOP_BASE = np.array([0.6, 0.6, 1.2])  # [m/s, m/s, rad/s]
 _TOP_ARM_RAD = 0.085  # of a step
-_LED_RAD, _THERE_M = 0.03, 0.04  # of a step, before an opening; and how near to the stance's hand it is done
+# A place is led to its stance, since what was let go of beside it cannot be taken back: the base drives there with the
+# arm at rest; near the target the arm goes over the place and then down; the hand opens there.
+_DRIVEN_M, _DRIVEN_RAD, _DRIVE_S, _DRIVE = 0.03, 0.05, 0.6, np.array([0.4, 0.4, 0.8])
+_LED_M, _LED_RAD, _BESIDE_M, _OVER_M, _THERE_M = 0.45, 0.03, 0.1, 0.12, 0.04
 _TORSO_STEP = np.array([0.15, 0.4, 0.4]) / CONTROL_HZ  # lift [m], yaw, pitch [rad]
 _OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' is not taken
 _RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
@@ -127,6 +130,24 @@ def rebased(now: Moments, stance: Array) -> Array:
     return stance if at is None or np.abs(at[7:] - g[7:]).max() >= _REBASED_RAD else at[None]
 
 
+def _drive(now: Moments, stance: Array) -> Array | None:
+    """(3,) the base's velocity toward the stance's, None where it stands there."""
+    off = matmul(kin.inverse(now.frames()[0]), kin.base(stance[0, :3]))
+    way = np.array([off[0, 3], off[1, 3], np.arctan2(off[1, 0], off[0, 0])])
+    if float(norm(way[:2])) < _DRIVEN_M and abs(way[2]) < _DRIVEN_RAD:
+        return None
+    return np.clip(way / _DRIVE_S, -_DRIVE, _DRIVE)
+
+
+def _over(stance: Array, hand: Array) -> Array:
+    """(7,) the arm's posture for a hand at (3,) to go to: the stance's, or above that from beside it."""
+    goal = hand_at(stance)[0].copy()
+    if float(norm(goal[:2, 3] - hand[:2])) > _BESIDE_M:
+        goal[2, 3] += _OVER_M
+    at = reached(stance[0], goal)
+    return stance[0, 7:] if at is None else at[7:]
+
+
 def chunk(
     net: Networks, now: Moments, stance: Array, points: Array, before: bool, opens: bool
 ) -> tuple[list[Step], float]:  # fmt: skip
@@ -147,8 +168,10 @@ def chunk(
     T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
     hand = matmul(now.frames()[0], now.hands()[0])[:3, 3]
     near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
-    led = near and before and opens  # what was let go of in a wrong place cannot be taken back
+    led = before and opens
     there = norm(hand_at(stance)[0, :3, 3] - hand) < _THERE_M
+    drive = _drive(now, stance) if led else None
+    over = _over(stance, hand) if led and norm(points[:TARGET_POINTS].mean(0) - hand) < _LED_M else None
     steps, arm, last = [], now.told_arm[0], way[0]
     ways = matmul(_BETWEEN, way)
     turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
@@ -161,9 +184,10 @@ def chunk(
             left = stance[0, 3:6] - now.told_torso[0, :3]
             torso[:3] = now.told_torso[0, :3] + np.clip(left, -k * _TORSO_STEP, k * _TORSO_STEP)
         wanted = now.told_arm[0] + at[WAYPOINT["arm"]]
-        if led:
-            left = stance[0, 7:] - now.told_arm[0]
-            wanted = now.told_arm[0] + np.clip(left, -k * _LED_RAD, k * _LED_RAD)
+        if drive is not None:
+            base, wanted = drive, now.told_arm[0]
+        elif over is not None:
+            wanted = now.told_arm[0] + np.clip(over - now.told_arm[0], -k * _LED_RAD, k * _LED_RAD)
         elif near:
             shift = kin.transform(turn, at[WAYPOINT["shift"]])
             T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shift)
@@ -171,7 +195,7 @@ def chunk(
             if q is not None and np.abs(q - wanted).max() < _OFF_RAD:
                 wanted = q
         arm = arm + np.clip(wanted - arm, -_TOP_ARM_RAD, _TOP_ARM_RAD)
-        grip = float(np.clip(at[WAYPOINT["grip"]][0], -1, 1)) if there or not (before and opens) else now.told_grip[0]
+        grip = float(np.clip(at[WAYPOINT["grip"]][0], -1, 1)) if there or not led else now.told_grip[0]
         steps.append((base, torso, arm, grip))
         last = at
     return steps, progress
