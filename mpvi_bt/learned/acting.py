@@ -21,9 +21,11 @@ _NEAR_M = 0.3  # of the target the hand's shift and turn count, farther away the
 _TOP_BASE = np.array([0.6, 0.6, 1.2])  # [m/s, m/s, rad/s]
 _TOP_ARM_RAD = 0.085  # of a step
 # A place is led to its stance, since what was let go of beside it cannot be taken back: the base drives there with the
-# arm at rest; near the target the arm goes over the place and then down; the hand opens there.
+# arm at rest; near the target the arm goes over the place and then down; the hand opens there
+# and goes up again.
 _DRIVEN_M, _DRIVEN_RAD, _DRIVE_S, _DRIVE = 0.03, 0.05, 0.6, np.array([0.4, 0.4, 0.8])
 _LED_M, _LED_RAD, _BESIDE_M, _OVER_M, _THERE_M = 0.45, 0.03, 0.1, 0.12, 0.04
+_OPENED = 0.9  # a command of the gripper: the hand goes up again
 _TORSO_STEP = np.array([0.15, 0.4, 0.4]) / CONTROL_HZ  # lift [m], yaw, pitch [rad]
 _OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' is not taken
 _RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
@@ -139,10 +141,10 @@ def _drive(now: Moments, stance: Array) -> Array | None:
     return np.clip(way / _DRIVE_S, -_DRIVE, _DRIVE)
 
 
-def _over(stance: Array, hand: Array) -> Array:
-    """(7,) the arm's posture for a hand at (3,) to go to: the stance's, or above that from beside it."""
+def _over(stance: Array, hand: Array, opened: bool) -> Array:
+    """(7,) the arm's posture for a hand at (3,): the stance's; from beside it, and once it has opened, above that."""
     goal = hand_at(stance)[0].copy()
-    if float(norm(goal[:2, 3] - hand[:2])) > _BESIDE_M:
+    if opened or float(norm(goal[:2, 3] - hand[:2])) > _BESIDE_M:
         goal[2, 3] += _OVER_M
     at = reached(stance[0], goal)
     return stance[0, 7:] if at is None else at[7:]
@@ -171,7 +173,9 @@ def chunk(
     led = before and opens
     there = norm(hand_at(stance)[0, :3, 3] - hand) < _THERE_M
     drive = _drive(now, stance) if led else None
-    over = _over(stance, hand) if led and norm(points[:TARGET_POINTS].mean(0) - hand) < _LED_M else None
+    opened = opens and now.told_grip[0] > _OPENED
+    at_target = norm(points[:TARGET_POINTS].mean(0) - hand) < _LED_M
+    over = _over(stance, hand, opened) if opened or (led and at_target) else None
     steps, arm, last = [], now.told_arm[0], way[0]
     ways = matmul(_BETWEEN, way)
     turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
