@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.learned import mirroring
+from mpvi_bt.learned.acting import chunk
 from mpvi_bt.learned.demonstration import Demonstration
 from mpvi_bt.learned.features import TargetFrame, bases, hand_at
+from mpvi_bt.learned.learned_hand import LearnedHand
 from mpvi_bt.learned.network import Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
@@ -246,12 +248,33 @@ def test_the_hand_that_holds_the_payload_puts_it_down(tmp_path: Path):
     labels[10:14, 14:18] = 1
     T_world_camera = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.8], [0, 0, 0, 1.0]])
     image = replace(picture(labels, depth=0.9), T_world_camera=T_world_camera)
-    seen = observed("put the cup next to the can", {"head": image})
-    felt = replace(
-        seen["proprioception"],
-        gripper_width={"left": 0.1, "right": 0.05}, gripper_command={"left": 1.0, "right": -1.0},
-    )  # fmt: skip
-    rows = hands.infer({**seen, "proprioception": felt})
+    robot, first = KinematicRobot(), None
+    for _ in range(20):
+        seen = observed("put the cup next to the can", {"head": image}, robot)
+        felt = replace(
+            seen["proprioception"],
+            gripper_width={"left": 0.1, "right": 0.05}, gripper_command={"left": 1.0, "right": -1.0},
+        )  # fmt: skip
+        rows = hands.infer({**seen, "proprioception": felt})
+        first = rows[0] if first is None else first
+        assert np.allclose(rows[:, 7:14], first[7:14])
+        for action in rows:
+            robot.advance(action)
     assert hands.note == "place_next_to can, right hand"
-    assert np.ptp(rows[:, 15:22], axis=0).max() > 0
-    assert np.ptp(rows[:, 7:14], axis=0).max() == 0
+    assert np.abs(rows[-1] - first)[15:22].max() > 0
+
+
+@given(st.floats(-1.0, 1.0), st.floats(0.1, 0.5))
+@settings(max_examples=10)
+def test_a_payload_is_let_go_of_only_at_its_stance(heading: float, far_m: float):
+    """Whatever the actor answers, a base that is not there drives there first, the arm at rest and the hand closed."""
+    felt = replace(KinematicRobot().proprioception(), gripper_command={"left": 1.0, "right": -1.0})
+    now = LearnedHand("right", felt).now()
+    way = far_m * np.array([np.cos(heading), np.sin(heading), 0.0])
+    stance = np.concatenate([now.base[0] + way, now.torso[0], now.arm[0]])[None]
+    points = np.random.default_rng(0).normal([0.8, 0.0, 0.5], 0.05, (128, 3))
+    steps, _ = chunk(Weights.load(WEIGHTS).skills["pick"], now, stance, points, before=True, opens=True)
+    for base, _, arm, grip in steps:
+        assert base @ way > 0
+        assert np.allclose(arm, now.told_arm[0])
+        assert grip == -1.0
