@@ -212,6 +212,16 @@ def test_what_a_hand_carries_is_not_looked_for():
     assert not memory.seen
 
 
+def test_what_is_larger_than_what_was_trained_on_is_no_skill(tmp_path: Path):
+    """Who learned to put things into baskets says at once that a fridge is none."""
+    weights = Weights.load(WEIGHTS)
+    replace(weights, skills={"place_in": weights.skills["pick"]}).save(tmp_path / "w.npz")
+    hands = policy(weights=tmp_path / "w.npz")
+    hands.infer(observed("put the cup in the can", {"head": picture(np.ones((24, 32), np.int32), depth=3.0)}))
+    assert hands.gave_up
+    assert hands.note.startswith("no_skill: the can is larger")
+
+
 def test_it_keeps_the_policy_contract():
     """As any policy of another package has to."""
     check_policy(policy())

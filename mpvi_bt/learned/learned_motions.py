@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,10 +17,13 @@ class LearnedMotion:
     Attributes:
         slot: Argument of its skill that names the target, which is looked for.
         opens: Whether the hand holds a payload and lets go of it; else it is free and takes one.
+        most_m: Standard deviation of a target's points, along x or y, above which it is larger than any that was
+            trained on, as a fridge is beside baskets.
     """
 
     slot: str
     opens: bool
+    most_m: float = math.inf
 
     def ahead(self, grip: float) -> bool:
         """Whether closing or opening is still to come, by the gripper's command in force."""
@@ -32,7 +36,7 @@ class LearnedMotion:
 
 MOTIONS: Mapping[str, LearnedMotion] = {
     "pick": LearnedMotion("object", opens=False),
-    "place_in": LearnedMotion("container", opens=True),
+    "place_in": LearnedMotion("container", opens=True, most_m=0.16),
     "place_on": LearnedMotion("surface", opens=True),
     "place_next_to": LearnedMotion("target", opens=True),
 }

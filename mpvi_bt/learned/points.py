@@ -43,6 +43,11 @@ class PointMemory:
         """(3,) the mean of the target's points [m]; it has been seen."""
         return np.concatenate([points for _, points in self._target.values()]).mean(0)
 
+    @property
+    def spread_m(self) -> float:
+        """Standard deviation of the target's points along x or y, the larger one; it has been seen."""
+        return float(np.concatenate([points for _, points in self._target.values()])[:, :2].std(0).max())
+
     def look(self, *images: CameraImage, carried: Sequence[Array] = ()) -> None:
         """Take in pictures of one moment.
 
