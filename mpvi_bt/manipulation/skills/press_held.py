@@ -41,7 +41,7 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
         raise MotionFailure("no_switch")
     yield from motion.grip(comer, -1.0, GRIP.empty_s)
     goals = matmul(kin.inverse(work.hand(holder)), np.stack(ways))
-    k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, goals[:, 1]))
+    k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, comer, goals[:, 1]))
     yield from motion.wait(FEEL.calm_s)
     # Arms give way under a load; what counts is where the thing is now.
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), goals[k])
@@ -54,10 +54,9 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
 
 
 def _in_line(
-    work: Work, touches: Array, body: Body, shown: Array, at: NDArray[np.intp], q: Array
+    work: Work, comer: Side, touches: Array, body: Body, shown: Array, at: NDArray[np.intp], q: Array
 ) -> Iterator[tuple[int, Array]]:
     """Postures of the free arm before the switch from where a straight line leads onto it, the nearest first."""
-    comer: Side = next(s for s in body.robot.sides if s not in body.held)
     cost = posture_distance(q, work.motion.arm(comer))
     for row in np.argsort(cost)[:LOOKED_AT]:
         if not body.free(comer, q[row])[0]:
