@@ -277,9 +277,12 @@ class Seen(Memory):
         if self._standing is not None:
             stays |= self._standing(*ranges)
         stays &= self._remembering
+        names = sorted(n for n in told if n in self._things and n not in self._held())
+        if not names:
+            return stays, shown
         cells = np.unravel_index(np.flatnonzero(stays | shown), stays.shape)
         p = np.column_stack([values[i] for values, i in zip(ranges, cells, strict=True)])
-        for name in sorted(n for n in told if n in self._things and n not in self._held()):
+        for name in names:
             explained = Surroundings([*self.solids(name), *self._leaves(name)])
             margin = 2 * _LOOK.explained_m if self._known(name).shape.kind == "furniture" else _LOOK.roughly_m
             own = explained.distance(p) <= margin
