@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mpvi_bt.choices.policies import PolicyInputs, with_pregrasp
 from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
@@ -85,12 +86,21 @@ def test_each_handoff_has_its_pregrasp():
 
 @pytest.mark.render
 def test_the_hand_is_before_the_thing_and_nothing_is_touched():
-    """At the handoff a hand stands open within a hand's breadth of the thing, which is where it was."""
+    """At the handoff a hand stands open within a hand's breadth of the thing, which is where it was.
+
+    What the navigator has seen to stand is asked for on the way, as by the reactive policy.
+    """
     world = small_world({"can": placed("can_of_soda", 0.9, 0.1)}, render=True)
     world.settle()
     before = world.pose("can").copy()
     policy = Counting("learned", "head")
-    both = WithPregrasp(policy, PregraspPolicy(SKILLS, vocabulary={"can": ("can of soda",)}))
+    asked = []
+
+    def standing(x, y, z):
+        asked.append(x)
+        return np.zeros((len(x), len(y), len(z)), bool)
+
+    both = with_pregrasp(policy, PolicyInputs(SKILLS, {"can": ("can of soda",)}, standing=standing))
     touched = False
     while not policy.asked and world.time_s < 30:
         images = {camera: world.robot.look(camera) for camera in both.cameras}
@@ -98,6 +108,7 @@ def test_the_hand_is_before_the_thing_and_nothing_is_touched():
         world.step(both.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": images})[0])
         touched |= any({ROBOT, "can"} == {a, b} for a, b, _ in world.contacts())
     assert policy.asked
+    assert asked
     assert not touched
     np.testing.assert_allclose(world.pose("can"), before, atol=2e-3)
     felt = world.robot.proprioception()

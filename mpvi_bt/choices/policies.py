@@ -153,9 +153,10 @@ def with_pregrasp(policy: Policy, ground: PolicyInputs) -> Policy:
     """The policy, handed over to with the hand before what is to be picked up."""
     from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
 
-    return WithPregrasp(
-        policy, PregraspPolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
+    before = PregraspPolicy(
+        ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary, ground.standing
     )
+    return WithPregrasp(policy, before)
 
 
 def check_policy_choice(config: EpisodeConfig) -> None:
