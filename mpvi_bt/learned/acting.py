@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -20,12 +22,7 @@ _BENT = 2.0  # how much likelier a hypothesis must be for each radian that the a
 _NEAR_M = 0.3  # of the target the hand's shift and turn count, farther away the joints
 _TOP_BASE = np.array([0.6, 0.6, 1.2])  # [m/s, m/s, rad/s]
 _TOP_ARM_RAD = 0.085  # of a step
-# A place is led to its stance, since what was let go of beside it cannot be taken back: the base drives there with the
-# arm at rest; near the target the arm goes over the place and then down; the hand opens there
-# and goes up again.
-_DRIVEN_M, _DRIVEN_RAD, _DRIVE_S, _DRIVE = 0.03, 0.05, 0.6, np.array([0.4, 0.4, 0.8])
-_LED_M, _LED_RAD, _BESIDE_M, _OVER_M, _THERE_M = 0.45, 0.03, 0.1, 0.12, 0.04
-_OPENED = 0.9  # a command of the gripper: the hand goes up again
+_OPENED = 0.9  # a command of the gripper that lets go
 _TORSO_STEP = np.array([0.15, 0.4, 0.4]) / CONTROL_HZ  # lift [m], yaw, pitch [rad]
 _OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' is not taken
 _RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
@@ -51,6 +48,39 @@ _LEANS = np.array(
 _BETWEEN = np.maximum(1 - np.abs(np.arange(1, CHUNK + 1)[:, None] / STRIDE - np.arange(WAYPOINTS + 1)), 0)
 
 Step = tuple[Array, Array, Array, float]
+
+
+@dataclass(frozen=True)
+class Leading:
+    """How a place is led to its stance: what was let go of beside it cannot be taken back.
+
+    The base drives there with the arm at rest; near the target the hand goes over the place, then down, opens only
+    there, and goes up again. Our choice, by trials in rooms that no figure is of.
+
+    Attributes:
+        parked_m: The base stands at the stance if it is no farther off [m],
+        parked_rad: nor turned by more [rad].
+        drive_s: Its speed is the way that is left by this [s],
+        drive: and no more than that: x, y [m/s], yaw [rad/s].
+        near_m: From the target the hand is led when it is nearer [m],
+        arm_rad: by so much a step and joint, at the most [rad].
+        beside_m: A hand that is so far aside of its pose [m]
+        over_m: goes so far above it first [m].
+        there_m: A hand may open that is no farther from its pose [m].
+    """
+
+    parked_m: float = 0.03
+    parked_rad: float = 0.05
+    drive_s: float = 0.6
+    drive: tuple[float, float, float] = (0.4, 0.4, 0.8)
+    near_m: float = 0.45
+    arm_rad: float = 0.03
+    beside_m: float = 0.1
+    over_m: float = 0.12
+    there_m: float = 0.04
+
+
+_LEAD = Leading()
 
 
 def propose(
@@ -136,16 +166,16 @@ def _drive(now: Moments, stance: Array) -> Array | None:
     """(3,) the base's velocity toward the stance's, None where it stands there."""
     off = matmul(kin.inverse(now.frames()[0]), kin.base(stance[0, :3]))
     way = np.array([off[0, 3], off[1, 3], np.arctan2(off[1, 0], off[0, 0])])
-    if float(norm(way[:2])) < _DRIVEN_M and abs(way[2]) < _DRIVEN_RAD:
+    if float(norm(way[:2])) < _LEAD.parked_m and abs(way[2]) < _LEAD.parked_rad:
         return None
-    return np.clip(way / _DRIVE_S, -_DRIVE, _DRIVE)
+    return np.clip(way / _LEAD.drive_s, -np.array(_LEAD.drive), _LEAD.drive)
 
 
 def _over(stance: Array, hand: Array, opened: bool) -> Array:
     """(7,) the arm's posture for a hand at (3,): the stance's; from beside it, and once it has opened, above that."""
     goal = hand_at(stance)[0].copy()
-    if opened or float(norm(goal[:2, 3] - hand[:2])) > _BESIDE_M:
-        goal[2, 3] += _OVER_M
+    if opened or float(norm(goal[:2, 3] - hand[:2])) > _LEAD.beside_m:
+        goal[2, 3] += _LEAD.over_m
     at = reached(stance[0], goal)
     return stance[0, 7:] if at is None else at[7:]
 
@@ -171,10 +201,10 @@ def chunk(
     hand = matmul(now.frames()[0], now.hands()[0])[:3, 3]
     near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
     led = before and opens
-    there = norm(hand_at(stance)[0, :3, 3] - hand) < _THERE_M
+    there = norm(hand_at(stance)[0, :3, 3] - hand) < _LEAD.there_m
     drive = _drive(now, stance) if led else None
     opened = opens and now.told_grip[0] > _OPENED
-    at_target = norm(points[:TARGET_POINTS].mean(0) - hand) < _LED_M
+    at_target = norm(points[:TARGET_POINTS].mean(0) - hand) < _LEAD.near_m
     over = _over(stance, hand, opened) if opened or (led and at_target) else None
     steps, arm, last = [], now.told_arm[0], way[0]
     ways = matmul(_BETWEEN, way)
@@ -191,7 +221,7 @@ def chunk(
         if drive is not None:
             base, wanted = drive, now.told_arm[0]
         elif over is not None:
-            wanted = now.told_arm[0] + np.clip(over - now.told_arm[0], -k * _LED_RAD, k * _LED_RAD)
+            wanted = now.told_arm[0] + np.clip(over - now.told_arm[0], -k * _LEAD.arm_rad, k * _LEAD.arm_rad)
         elif near:
             shift = kin.transform(turn, at[WAYPOINT["shift"]])
             T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shift)

@@ -18,7 +18,7 @@ class LearnedMotion:
         slot: Argument of its skill that names the target, which is looked for.
         opens: Whether the hand holds a payload and lets go of it; else it is free and takes one.
         most_m: Standard deviation of a target's points, along x or y, above which it is larger than any that was
-            trained on, as a fridge is beside baskets.
+            trained on, as a fridge is beside baskets. Our choice: the benchmark's largest basket has 0.151.
     """
 
     slot: str
