@@ -104,7 +104,7 @@ class Policy(Protocol):
     Optional: `note`, a str, one line on what it is doing or why it is stuck, without numbers that change every step;
     `gave_up`, a bool: it has given up this prompt, which a policy behind it may do if the note begins with `NO_SKILL`;
     `ended`, a bool: it thinks that the prompt is done, or has given up; `progress`, a float, 0 to 1: how far along it
-    takes itself to be; and `close()`, called once at the end.
+    takes itself to be, or None; and `close()`, called once at the end.
     """
 
     @property

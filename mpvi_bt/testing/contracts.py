@@ -113,9 +113,13 @@ def check_policy(
         _require(False, f"it must not mind more pictures than it asked for: {error}")
     note = getattr(policy, "note", "")
     _require(isinstance(note, str) and note.isprintable(), "a note is one line of text")
-    _require(isinstance(getattr(policy, "gave_up", False), bool), "gave_up is true or false")
+    for said in ("gave_up", "ended"):
+        _require(isinstance(getattr(policy, said, False), bool), f"{said} is true or false")
+    progress = getattr(policy, "progress", None)
+    _require(progress is None or 0.0 <= progress <= 1.0, "progress is 0 to 1, or None")
     policy.reset()
     _require(not getattr(policy, "gave_up", False), "after a reset nothing has been given up")
+    _require(not getattr(policy, "ended", False), "after a reset nothing has ended")
     if make is not None:
         _check_memory(make, shown, every)
 

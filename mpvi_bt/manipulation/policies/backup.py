@@ -55,6 +55,11 @@ class WithBackup:
         return self.gave_up or (not self._left and self._done)
 
     @property
+    def progress(self) -> float | None:
+        """Of the one at work, where it was told the whole prompt; else None, as where it does not say."""
+        return getattr(self._at, "progress", None) if self._told == self._prompt else None
+
+    @property
     def planning_s(self) -> float:
         """Wall time that both spent on planning, as far as they tell."""
         return sum(getattr(policy, "planning_s", 0.0) for policy in (self._first, self._second))

@@ -52,6 +52,16 @@ class WrappedPolicy:
         return getattr(self._policy, "gave_up", False)
 
     @property
+    def ended(self) -> bool:
+        """Whether the policy thinks that its prompt is done, or has given up; no if it never says so."""
+        return getattr(self._policy, "ended", False)
+
+    @property
+    def progress(self) -> float | None:
+        """How far along the policy takes itself to be, 0 to 1; None if it does not say."""
+        return getattr(self._policy, "progress", None)
+
+    @property
     def disagreement(self) -> float:
         """Of the newest chunk with what was foreseen for its steps before [rad]; 0 if chunks do not overlap."""
         return getattr(self._policy, "disagreement", 0.0)

@@ -60,7 +60,23 @@ class DemonstratedPolicy:
     @property
     def gave_up(self) -> bool:
         """Whether the other policy gave up the last of the prompts."""
-        return self._inner.gave_up and self._at + 1 >= len(self._demonstrations.get(_plain(self._told), ()))
+        return self._inner.gave_up and self._at + 1 >= self._count
+
+    @property
+    def ended(self) -> bool:
+        """Whether the other policy thinks that the last of the prompts is done, or has given it up."""
+        return self._inner.ended and self._at + 1 >= self._count
+
+    @property
+    def progress(self) -> float | None:
+        """How far along all of the prompts it is, 0 to 1; None if the other policy does not say."""
+        progress: float | None = getattr(self._inner, "progress", None)
+        return None if progress is None else (self._at + progress) / self._count
+
+    @property
+    def _count(self) -> int:
+        """How many prompts the instruction takes."""
+        return len(self._demonstrations.get(_plain(self._told), (self._told,)))
 
     def reset(self) -> None:
         """Begin the instruction anew."""

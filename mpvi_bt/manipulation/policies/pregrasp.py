@@ -82,6 +82,16 @@ class WithPregrasp(WrappedPolicy):
         """Whether the policy has."""
         return not self._before and super().gave_up
 
+    @property
+    def ended(self) -> bool:
+        """Whether the policy thinks that it is done, or has given up: not before it is at work."""
+        return not self._before and super().ended
+
+    @property
+    def progress(self) -> float | None:
+        """Of the policy; None before it is at work."""
+        return None if self._before else super().progress
+
     def reset(self) -> None:
         """Forget everything: the next observation begins another handoff."""
         super().reset()
