@@ -25,7 +25,7 @@ from mpvi_bt.monitors.calibration import Calibration, load_calibration
 from mpvi_bt.monitors.signals import SAMPLE_S, SIGNALS
 from mpvi_bt.robot.solids import Array
 
-ALONE_S = 10.0  # our choice: in calibrating_*.yaml no signal stayed past its threshold for longer than 8.5 s
+ALONE_S = 10.0  # our choice: in calibrating_*.yaml neither is past its threshold for longer than 8 s (`lasting`)
 AGREE, ANY, LASTING = "two agree", "any", "two agree, or stall or grip for 10 s"
 COLUMNS = (
     Column(head="fault"),

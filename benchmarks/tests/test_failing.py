@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.failing.detection import AGREE, ANY, LASTING, auroc, rows
 from benchmarks.failing.intervention import row, undisturbed
+from benchmarks.failing.lasting import rows as lasting_rows
 from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
 from benchmarks.failing.latency import rows as latency_rows
 from mpvi_bt.episode.handoffs import Watched
@@ -77,6 +78,17 @@ def test_an_episode_without_alarm_and_failure_needs_no_second_run() -> None:
     assert undisturbed(played("success", *[[0, 0, 2.0, 0]] * 2), KNOWN, alone_s=1.0)
     assert not undisturbed(played("success", *[[0, 0, 2.0, 0]] * 3), KNOWN, alone_s=1.0)
     assert not undisturbed(played("failure", [0, 0, 0, 0]), KNOWN)
+
+
+def test_what_lasts_is_counted_as_an_alarm_counts_it() -> None:
+    """From the first sample past the threshold to the last one without a break; reversals are of no outcome."""
+    stalled = Run("pick", np.array([[9, 0, 0, 0], *[[0, 0, 2, 0]] * 4, [0, 0, 0, 0], *[[0, 0, 2, 2]] * 2], float))
+    calm = Run("pick", np.zeros((3, 4)))
+    assert lasting_rows(KNOWN, [stalled, calm]) == [["grip", (1, 2), 0.5, None], ["stall", (1, 2), 1.5, None]]
+    samples = [list(map(float, values)) for values in stalled.samples]
+    played: Any = SimpleNamespace(handoffs=[{"ended": "success", "skill": "pick", "samples": samples[1:]}])
+    assert not undisturbed(played, KNOWN, agree=3, alone_s=1.5)
+    assert undisturbed(played, KNOWN, agree=3, alone_s=2.0)
 
 
 def test_without_latency_all_parts_are_the_policy_alone() -> None:

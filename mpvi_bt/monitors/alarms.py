@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from mpvi_bt.monitors.signals import SAMPLE_S
 
@@ -27,5 +27,10 @@ class Alarms:
     def update(self, past: Collection[str]) -> bool:
         """Take in the names of the signals that are past their thresholds at the next sample."""
         self._lasting = {name: self._lasting.get(name, -1) + 1 for name in OUTCOMES.intersection(past)}
-        longest_s = max(self._lasting.values(), default=-1) * SAMPLE_S
-        return len(past) >= self._agree or (self._alone_s is not None and longest_s >= self._alone_s)
+        alone_s = self._alone_s
+        return len(past) >= self._agree or (alone_s is not None and any(s >= alone_s for s in self.lasting_s.values()))
+
+    @property
+    def lasting_s(self) -> Mapping[str, float]:
+        """How long those of `OUTCOMES` that are past their thresholds have been so [s]; 0 at the first sample."""
+        return {name: samples * SAMPLE_S for name, samples in self._lasting.items()}
