@@ -20,7 +20,7 @@ def test_a_hand_that_comes_to_hold_something_presses_all_the_same() -> None:
     world = small_world(things)
     put_in_hands(world, {"right": "sprayer", "left": "can"})
     scene, known = TrueScene(world), False
-    scene.holding = lambda side: world.holding(side) if known or side == "right" else None  # type: ignore[method-assign]
+    scene.holding = lambda side: world.holding(side) if known or side == "right" else None
     work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
 
     def away_m() -> float:

@@ -53,6 +53,7 @@ SEEDS = _Seeds()
               help="Error of where things are believed to be, standard deviation.")  # fmt: skip
 @click.option("--assisted", is_flag=True, help="Fix what a closing hand pinches to the hand.")
 @click.option("--pregrasp", is_flag=True, help="A planned motion brings the hand before what is to be picked up.")
+@click.option("--signals", is_flag=True, help="Keep the monitors' signals in the rows.")
 @click.option("--robot", type=click.Choice(list(ROBOTS)), default="r1", show_default=True)
 @click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
 @click.option("--wall-limit", type=click.FloatRange(1), default=WALL_LIMIT_S, show_default=True,
@@ -68,8 +69,8 @@ SEEDS = _Seeds()
 @click.option("--json", "as_json", is_flag=True, help="The table as JSON.")
 def main(
     skill: tuple[str, ...], case: tuple[str, ...], policy: str, seeds: list[int], shapes: str, noise: str,
-    perception_cm: float, assisted: bool, pregrasp: bool, robot: str, workers: int, wall_limit: float, out: Path,
-    again: bool, show: Path | None, video: bool, listing: bool, only_table: bool, as_json: bool,
+    perception_cm: float, assisted: bool, pregrasp: bool, signals: bool, robot: str, workers: int, wall_limit: float,
+    out: Path, again: bool, show: Path | None, video: bool, listing: bool, only_table: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Play trials of single skills and print the table of what came of them."""
     try:
@@ -89,7 +90,8 @@ def main(
                 for (s, c), p, seed in itertools.product(pairs, policies, seeds)
             ]
             todo = [job for job in jobs if again or show or job not in rows]
-            for row in _progress(run_jobs(todo, min(workers, max(len(todo), 1)), wall_limit, show, video), len(todo)):
+            workers = min(workers, max(len(todo), 1))
+            for row in _progress(run_jobs(todo, workers, wall_limit, show, video, signals), len(todo)):
                 add_row(out, row)
                 rows[row.job] = row
             wanted = [rows[job] for job in jobs]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,7 @@ class Row:
         wall_s, cpu_s: Of playing.
         realtime: Simulated time over CPU time, all that was played.
         objects: Kind of every thing, by name.
+        samples: The monitors' signals every half second, if they were asked for.
     """
 
     job: Job
@@ -71,6 +72,7 @@ class Row:
     cpu_s: float = 0.0
     realtime: float = 0.0
     objects: Mapping[str, str] = field(default_factory=dict)
+    samples: Sequence[Sequence[float]] = field(default_factory=list)
 
     @property
     def code(self) -> str:
@@ -105,6 +107,6 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _row(data: Mapping[str, Any]) -> Row:
-    data = {"robot": "r1", "pregrasp": False, **data}  # rows of before there was another
+    data = {"robot": "r1", "pregrasp": False, "samples": [], **data}  # rows of before there was another
     job = Job(**{f.name: data[f.name] for f in fields(Job)})
     return Row(job, **{f.name: data[f.name] for f in fields(Row) if f.name != "job"})

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from benchmarks.hands.felt import Felt
 from benchmarks.hands.policies import maker_of
 from benchmarks.hands.rows import Job, Row
 from benchmarks.hands.scenes import draw
@@ -25,13 +26,14 @@ ERRORS = {"none": NONE, "realistic": REALISTIC}  # of the senses of policies tha
 WALL_LIMIT_S = 600.0  # Our choice: only a hung trial takes that long
 
 
-def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
+def run_job(job: Job, show: Path | None = None, video: bool = False, signals: bool = False) -> Row:
     """Play one trial.
 
     Args:
         job: The trial.
         show: A folder for pictures of its start and end.
         video: Whether to film it, too.
+        signals: Whether the monitors' signals are measured.
 
     Raises:
         UserError: The scene cannot be set up.
@@ -57,7 +59,9 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
     errors = replace(ERRORS[job.noise], offset_m=off_m)
     robot = NoisyRobot(world.robot, world.cameras, errors, job.seed) if maker.pictures or job.pregrasp else world.robot
     film = None if show is None else Film(world, show / job.name.replace("/", "-").replace(" ", "_"), video)
-    played = play(trial, world, policy, robot, None if film is None else film.step)
+    felt = Felt(world.robot) if signals else None
+    watching = [of.step for of in (film, felt) if of is not None]
+    played = play(trial, world, policy, robot, watching)
     if film is not None:
         film.end()
     attempts = getattr(alone, "attempts", None)
@@ -68,19 +72,22 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
         None if attempts is None else max(attempts - 1, 0), round(played.wall_s, 2), round(played.cpu_s, 2),
         round(played.steps / CONTROL_HZ / max(played.cpu_s, 1e-9), 1),
         {name: thing.entry.name for name, thing in trial.objects.items()},
+        [] if felt is None else felt.samples,
     )  # fmt: skip
 
 
 def run_jobs(
-    jobs: Iterable[Job], workers: int, wall_limit_s: float = WALL_LIMIT_S, show: Path | None = None, video: bool = False
-) -> Iterator[Row]:
+    jobs: Iterable[Job], workers: int, wall_limit_s: float = WALL_LIMIT_S, show: Path | None = None,
+    video: bool = False, signals: bool = False,
+) -> Iterator[Row]:  # fmt: skip
     """The rows of jobs, as they end.
 
     Raises:
         UserError: A scene cannot be set up: its trials would all be like that.
         KeyboardInterrupt: After the workers were stopped.
     """
-    for row in play_all(partial(_guarded, show=show, video=video), _failed, jobs, workers, wall_limit_s):
+    played = partial(_guarded, show=show, video=video, signals=signals)
+    for row in play_all(played, _failed, jobs, workers, wall_limit_s):
         if isinstance(row, str):
             raise UserError(row)
         yield row
@@ -90,10 +97,10 @@ def _failed(job: Job, cause: str) -> Row | str:
     return Row(job, False, cause)
 
 
-def _guarded(job: Job, show: Path | None, video: bool) -> Row | str:
+def _guarded(job: Job, show: Path | None, video: bool, signals: bool) -> Row | str:
     """A row; or the message of an error that every trial would meet."""
     try:
-        return run_job(job, show, video)
+        return run_job(job, show, video, signals)
     except (UserError, NoRenderingDevice) as error:
         return f"{job.name}: {error}"
     except Exception as error:

@@ -94,7 +94,9 @@ class Played:
     cpu_s: float
 
 
-def play(trial: Trial, world: World, policy: Policy, robot: Robot, watch: Callable[[], None] | None = None) -> Played:
+def play(
+    trial: Trial, world: World, policy: Policy, robot: Robot, watching: Sequence[Callable[[], None]] = ()
+) -> Played:
     """Play a trial in a bare loop: an observation, a chunk of actions, the steps of the chunk.
 
     Args:
@@ -102,7 +104,7 @@ def play(trial: Trial, world: World, policy: Policy, robot: Robot, watch: Callab
         world: Its world, from `Trial.world`.
         policy: Who does it.
         robot: Whose senses the policy has: `world.robot`, or a robot of noisy senses around it.
-        watch: Called after every step.
+        watching: Called after every step.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     judge = _Judge(trial, world, policy)
@@ -112,7 +114,7 @@ def play(trial: Trial, world: World, policy: Policy, robot: Robot, watch: Callab
         observation = {"prompt": trial.prompt, "proprioception": robot.proprioception(), "images": images}
         for action in policy.infer(observation):
             world.step(action)
-            if watch is not None:
+            for watch in watching:
                 watch()
             if judge.step(action):
                 break

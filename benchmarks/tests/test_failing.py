@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from benchmarks.failing.detection import AGREE, ANY, LASTING, auroc, rows
 from benchmarks.failing.intervention import row, undisturbed
 from benchmarks.failing.lasting import rows as lasting_rows
 from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
 from benchmarks.failing.latency import rows as latency_rows
+from benchmarks.failing.own import main as own
+from benchmarks.hands.rows import Job, Row, add_row
 from mpvi_bt.episode.handoffs import Watched
 from mpvi_bt.monitors.calibration import Calibration, Run, SkillThresholds
 from mpvi_bt.monitors.signals import SIGNALS
@@ -89,6 +93,22 @@ def test_what_lasts_is_counted_as_an_alarm_counts_it() -> None:
     played: Any = SimpleNamespace(handoffs=[{"ended": "success", "skill": "pick", "samples": samples[1:]}])
     assert not undisturbed(played, KNOWN, agree=3, alone_s=1.5)
     assert undisturbed(played, KNOWN, agree=3, alone_s=2.0)
+
+
+def test_a_policys_own_failures_are_told_by_thresholds_of_other_trials(tmp_path: Path) -> None:
+    """Eight that went well make thresholds; of the tested trials the one that stalls is found, and no other."""
+    for name, count in (("before", 8), ("after", 3)):
+        for seed in range(count):
+            add_row(
+                tmp_path / name, Row(Job("pick", "floor", "learned", seed, "tuning"), True, samples=[[0, 0, 0, 0]] * 9)
+            )
+    stalled = [[0, 0, k / 2, 0] for k in range(9)]
+    add_row(tmp_path / "after", Row(Job("pick", "table", "learned", 0, "tuning"), False, "not_held", samples=stalled))
+    shown = CliRunner().invoke(own, [str(tmp_path / "before"), str(tmp_path / "after")], catch_exceptions=False).output
+    assert "| | stall | 1.00 | 1/1 | 0.5 | 0.00 |" in shown, shown
+    assert "| pick | reversals | 0.50 | 0/1 | | 0.00 |" in shown
+    too_few = CliRunner().invoke(own, [str(tmp_path / "after"), str(tmp_path / "before")])
+    assert "needs 8 handoffs of a skill that went well; there are: pick 3" in too_few.output
 
 
 def test_without_latency_all_parts_are_the_policy_alone() -> None:

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.hands.__main__ import main
+from benchmarks.hands.felt import Felt
 from benchmarks.hands.pick import lifted, one_hand
 from benchmarks.hands.place import fits, put
 from benchmarks.hands.rooms import things
@@ -204,11 +205,25 @@ def test_what_is_still_in_hand_is_not_put() -> None:
     assert put("can", lambda w: True, "not_on_it", others)(world) == "toppled"
 
 
+def test_what_a_monitor_feels_of_a_trial() -> None:
+    """A sample every half second from the first step on; the stall of a policy that does nothing grows with time."""
+    scene = trial(lambda w: "not_held")
+    world = scene.world(render=False)
+    felt = Felt(world.robot)
+    steps = play(scene, world, Scripted(lambda k: world.robot.action), world.robot, [felt.step]).steps
+    assert len(felt.samples) == -(-steps // 15)
+    assert [stall for _, _, stall, _ in felt.samples[:3]] == pytest.approx([0.0333, 0.5333, 1.0333])
+    assert {(reversals, grip) for reversals, _, _, grip in felt.samples} == {(0.0, 0.0)}
+
+
 def test_rows_survive_a_cut(tmp_path: Path) -> None:
     """A row cut short is forgotten, the next one is whole, and the last word on a job wins."""
     path = tmp_path / "deep" / "rows.jsonl"
     assert read_rows(path) == []
-    first, second = Row(JOB, False, "not_held: done"), Row(replace(JOB, seed=1), True, objects={"a": "can"})
+    first, second = (
+        Row(JOB, False, "not_held: done"),
+        Row(replace(JOB, seed=1), True, objects={"a": "can"}, samples=[[0, 0, 0.5, 1]]),
+    )
     add_row(path, first)
     add_row(path, second)
     with path.open("a") as file:
