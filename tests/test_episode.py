@@ -78,6 +78,18 @@ def test_the_same_seed_gives_the_same_result(twice: tuple[dict[str, Any], dict[s
     assert lasting(first) == lasting(second)
 
 
+def test_faults_and_latency_are_the_same_each_time(tmp_path: Path) -> None:
+    """What is drawn of them follows from the seed: the same handoff, down to the monitor's samples."""
+    tree = tmp_path / "short.yaml"
+    tree.write_text("tree: short\nroot:\n  timeout: 2\n  child:\n    monitor: press\n    child:\n"
+                    "      manipulate: turn on the radio receiver\n")  # fmt: skip
+    faults, latency = "jitter, drift, freeze:p=0.01, late:200ms", "policy=0.1..0.3,checker=1..2"
+    config = EpisodeConfig("turning_on_radio", tree=str(tree), policy_faults=faults, latency=latency)
+    first, second = (episode.run(config) for _ in range(2))
+    assert lasting(first) == lasting(second)
+    assert first["faults"]["jitter"] > 0
+
+
 @pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render

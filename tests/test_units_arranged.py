@@ -16,6 +16,8 @@ from mpvi_bt.episode.handoffs import read_handoffs
 from mpvi_bt.episode.prepare import prepare
 from mpvi_bt.episode.result import write_result
 from mpvi_bt.errors import UserError
+from mpvi_bt.monitors.calibration import Calibration, SkillThresholds
+from mpvi_bt.monitors.signals import SIGNALS
 from mpvi_bt.protocols import Judgement
 from tests.fake_episodes import fake_result
 
@@ -65,6 +67,22 @@ def test_a_unit_or_calibration_that_cannot_be_is_refused(settings: dict[str, Any
     """Before anything runs."""
     with pytest.raises(UserError, match=said):
         prepare(EpisodeConfig(TASK, **settings))
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [("intervene", "for wipe; skills that this run watches: pick, place_in"), (None, "none; --unit monitored does")],
+)
+def test_thresholds_of_nothing_that_is_watched_are_refused(unit: str | None, said: str, tmp_path: Path) -> None:
+    """Both are told: the skills of the file, and those of the run."""
+    config = EpisodeConfig(TASK, unit=unit, calibration=str(tmp_path / "wipe.json"))
+    levels: Any = {name: [1.0] for name in SIGNALS}
+    wipe = SkillThresholds(runs=8, thresholds=levels)
+    Calibration(policy=config.policy, robot=config.robot, alpha=0.2, skills={"wipe": wipe}).write(
+        tmp_path / "wipe.json"
+    )
+    with pytest.raises(UserError, match=said):
+        prepare(config)
 
 
 def test_a_planner_that_takes_its_time_makes_the_robot_wait_first() -> None:

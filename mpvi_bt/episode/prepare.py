@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from mpvi_bt import paths
-from mpvi_bt.behaviors.parameters import Pause
+from mpvi_bt.behaviors.parameters import Pause, Watch
 from mpvi_bt.choices.backends import NOBODY, choose, name_of
 from mpvi_bt.choices.checkers import check_checker_choice
 from mpvi_bt.choices.checkers import doubt as checker_doubt
@@ -132,14 +132,26 @@ def prepare(
         rules = load_rules(config.substitute)
         rules.check(spec)
     planner = _replanner(config, task, models, spec, skills, given)
-    return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=calibration_of(config))
+    known = calibration_of(config, spec)
+    return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=known)
 
 
-def calibration_of(config: EpisodeConfig) -> Calibration | None:
-    """The thresholds of monitors. Raises UserError if they are of another policy or robot, FileProblems if broken."""
+def calibration_of(config: EpisodeConfig, spec: TreeSpec) -> Calibration | None:
+    """The thresholds of a tree's monitors.
+
+    Raises:
+        UserError: They are of another policy or robot, or of none of the skills that are watched.
+        FileProblems: The file is broken.
+    """
     if config.calibration is None:
         return None
-    return load_calibration(config.calibration, name_of(config.policy), config.robot)
+    known = load_calibration(config.calibration, name_of(config.policy), config.robot)
+    watches = [placed.spec.parameters for placed in spec.nodes if isinstance(placed.spec.parameters, Watch)]
+    watched = {watch.skill for watch in watches if watch.skill}
+    if not watched & known.skills.keys():
+        has, due = ", ".join(known.skills), ", ".join(sorted(watched)) or "none; --unit monitored does"
+        raise UserError(f"{config.calibration} has thresholds for {has}; skills that this run watches: {due}.")
+    return known
 
 
 def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange | None:
@@ -334,7 +346,7 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
     skills = load_skills()
     planner = _replanner(config, task, models, spec, skills)
     ready = Prepared(
-        task, skills, spec, rules, models, saved=saved, planner=planner, calibration=calibration_of(config)
+        task, skills, spec, rules, models, saved=saved, planner=planner, calibration=calibration_of(config, spec)
     )
     if not saved.dry:
         _check_replanning(ready)
