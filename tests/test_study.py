@@ -18,7 +18,7 @@ from mpvi_bt.manipulation.skills.place import place_in
 from mpvi_bt.manipulation.stance.stance import Stance
 from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.collision import Body, Surroundings
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
@@ -83,6 +83,23 @@ def test_no_look_asks_more_of_the_torso_than_it_can(board_m: float) -> None:
     assert len(told) > 1
     assert (np.stack(told) >= low - 1e-9).all()
     assert (np.stack(told) <= high + 1e-9).all()
+
+
+@pytest.mark.parametrize("board_m", [0.02, 0.3, 0.6, 0.9])
+def test_hanging_hands_do_not_meet_the_base_while_a_low_thing_is_looked_at(board_m: float) -> None:
+    """A trunk that folds takes the hands down with it, to where the r1pro's wide base is."""
+    cabinet = (
+        f"{{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: {board_m}, shape: {{size_m: [0.36, 0.6, 0.7]}}}}"
+    )
+    world = small_world({"can": placed("can_of_soda", 1.2, 0.0, board_m + 0.02)}, robot=R1PRO, wall_cabinet_1=cabinet)
+    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    work.images = {"head": None}  # type: ignore[dict-item]
+    told = 0
+    for action in study(work, "can"):
+        work.motion.felt = felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy())
+        assert Body(R1PRO, felt.torso, felt.arm).all_free(), R1PRO.trunk.posture(felt.torso)
+        told += 1
+    assert told > 1
 
 
 def with_can(fixture: str) -> tuple[Work, Blind]:

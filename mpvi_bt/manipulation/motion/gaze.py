@@ -12,6 +12,7 @@ import numpy as np
 from mpvi_bt.manipulation.motion.work import NEAR_M, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
@@ -32,6 +33,7 @@ class Gaze:
         still: What base and joints may move while they stand [m, rad].
         level_rad: A head that is tilted less does not see the floor before it [rad].
         hands_rad: So far down from the chest's horizon the head sees past the folded hands [rad].
+        dip_m: Room below hanging hands to leave a low posture by [m].
     """
 
     up_rad: float = 0.5
@@ -41,6 +43,7 @@ class Gaze:
     still: float = 0.01
     level_rad: float = 0.3
     hands_rad: float = 0.9
+    dip_m: float = 0.06
 
 
 _GAZE = Gaze()
@@ -49,6 +52,7 @@ _ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, 
 _WITHIN_RAD = 0.2  # Our choice: what is so far within the edge of the picture is in view of a head that does not tilt
 _HALF_VIEW_RAD = 0.6  # what the picture of a head that tilts shows above and below its middle
 _BOWS_RAD = np.arange(0.0, 0.95, 0.1)  # pitches of the trunk to look down with
+_FACING = 5  # heights of an upright trunk that are tried, the lowest first
 _BOWED = (1.0, 0.6, 0.3)  # of the way to one, where there is no room for all of it
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
 
@@ -68,10 +72,7 @@ def study(work: Work, name: str | None) -> Actions:
         yield from work.motion.stand(over[0] if over else work.motion.torso)
         yield from look_at(work, name)
         if not work.held() and _covered(work, name):
-            trunk = work.motion.robot.trunk
-            posture = work.motion.posture
-            posture[:3] = [np.clip(work.middle(name)[2] - _GAZE.eyes_m, *trunk.limits[0]), 0.0, 0.0]
-            yield from work.motion.stand(trunk.joints(posture))
+            yield from work.motion.stand(_facing(work, name))
             yield from look_at(work, name)
             work.studied = (name, _stands(work))
             return
@@ -195,9 +196,27 @@ def _overlooking(work: Work, name: str) -> list[Array]:
         torso = robot.trunk.joints(posture)
         seen = matmul(kin.inverse(robot.chest(torso)), T, np.append(middle, 1.0))[:3]
         ahead = seen - robot.head_m - robot.head_to_camera[:3, 3]
-        if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _GAZE.hands_rad and replace(body, torso=torso).all_free():
+        if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _GAZE.hands_rad and _can_stand(body, torso):
             found.append(torso)
     return found
+
+
+def _facing(work: Work, name: str) -> Array:
+    """A torso (4,) upright and as low as a thing is to be looked into, or as low as the hanging hands have room."""
+    trunk, body, posture = work.motion.robot.trunk, work.body({name}), work.motion.posture
+    lowest = float(np.clip(work.middle(name)[2] - _GAZE.eyes_m, *trunk.limits[0]))
+    for lift in np.linspace(lowest, max(lowest, float(posture[0])), _FACING):
+        # a little lower, too: on its way to another posture the trunk dips
+        low, torso = trunk.joints(np.array([(max(lift - _GAZE.dip_m, trunk.limits[0, 0]), 0, 0, posture[3]),
+                                            (lift, 0, 0, posture[3])]))  # fmt: skip
+        if replace(body, torso=low).all_free() and _can_stand(body, torso):
+            return torso
+    return work.motion.torso
+
+
+def _can_stand(body: Body, torso: Array) -> bool:
+    """Whether a torso (4,) is free, and the way to it, the arms riding along: low down hands would meet the base."""
+    return replace(body, torso=torso).all_free() and arm_motion.sweep(body, torso, {}) is not None
 
 
 def _covered(work: Work, name: str) -> bool:
