@@ -212,12 +212,17 @@ def test_what_a_hand_carries_is_not_looked_for():
     assert not memory.seen
 
 
-def test_what_is_larger_than_what_was_trained_on_is_no_skill(tmp_path: Path):
-    """Who learned to put things into baskets says at once that a fridge is none."""
+@pytest.mark.parametrize(("skill", "prompt"), [("pick", "pick up the can"), ("place_in", "put the cup in the can")])
+def test_what_is_larger_than_what_was_trained_on_is_no_skill(tmp_path: Path, skill: str, prompt: str):
+    """Who learned to pick up cans and to fill baskets says at once that a fridge is neither."""
     weights = Weights.load(WEIGHTS)
-    replace(weights, skills={"place_in": weights.skills["pick"]}).save(tmp_path / "w.npz")
+    replace(weights, skills={skill: weights.skills["pick"]}).save(tmp_path / "w.npz")
     hands = policy(weights=tmp_path / "w.npz")
-    hands.infer(observed("put the cup in the can", {"head": picture(np.ones((24, 32), np.int32), depth=3.0)}))
+    seen = observed(prompt, {"head": picture(np.ones((24, 32), np.int32), depth=3.0)})
+    if skill == "place_in":
+        full = {"gripper_width": {"left": 0.1, "right": 0.05}, "gripper_command": {"left": 1.0, "right": -1.0}}
+        seen["proprioception"] = replace(seen["proprioception"], **full)
+    hands.infer(seen)
     assert hands.gave_up
     assert hands.note.startswith("no_skill: the can is larger")
 

@@ -140,11 +140,11 @@ class LearnedPolicy:
         if not memory.seen:
             self.note = f"not_found: {shown(phrase)}"
             return
-        if memory.spread_m > motion.most_m:
-            self.note = f"{NO_SKILL}: the {phrase} is larger than what it was trained on"
-            return
         side = self._holder(call) if motion.opens else self._free(call, memory)
         if side is None:
+            return
+        if memory.spread_m > motion.most_m:
+            self.note = f"{NO_SKILL}: the {phrase} is larger than what it was trained on"
             return
         self._wanted = ("head", side)
         self.note = f"{call.motion} {phrase}, {side} hand"
