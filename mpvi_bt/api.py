@@ -140,7 +140,7 @@ def run(
         NodeError: A behavior raised.
     """
     from mpvi_bt.episode.episode import run as run_episode
-    from mpvi_bt.episode.prepare import doubts, prepare_episode
+    from mpvi_bt.episode.prepare import check_watched, doubts, prepare_episode
     from mpvi_bt.episode.result import Result, write_result
 
     config, given = _asked("mpvi_bt.run", task, method, tree, plan, arguments, settings)
@@ -148,6 +148,7 @@ def run(
     if folder is not None:
         config = config.kept_in(folder)
     prepared = prepare_episode(config, _LOG.info, given)
+    check_watched(config, [prepared])
     for doubt in doubts(config, prepared):
         warnings.warn(doubt, stacklevel=2)
     result = Result.model_validate(run_episode(config, subscribers, prepared))

@@ -13,12 +13,13 @@ from mpvi_bt.behaviors.context import WatchedHandoff
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.episode.handoffs import read_handoffs
-from mpvi_bt.episode.prepare import prepare
+from mpvi_bt.episode.prepare import check_watched, prepare
 from mpvi_bt.episode.result import write_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.monitors.calibration import Calibration, SkillThresholds
 from mpvi_bt.monitors.signals import SIGNALS
 from mpvi_bt.protocols import Judgement
+from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 
 TASK = "picking_up_trash"
@@ -69,20 +70,37 @@ def test_a_unit_or_calibration_that_cannot_be_is_refused(settings: dict[str, Any
         prepare(EpisodeConfig(TASK, **settings))
 
 
+@pytest.fixture
+def wipes(tmp_path: Path) -> str:
+    """A file of thresholds of one skill."""
+    levels: Any = {name: [1.0] for name in SIGNALS}
+    wipe = SkillThresholds(runs=8, thresholds=levels)
+    known = Calibration(policy=EpisodeConfig(TASK).policy, robot="r1", alpha=0.2, skills={"wipe": wipe})
+    known.write(tmp_path / "wipe.json")
+    return str(tmp_path / "wipe.json")
+
+
 @pytest.mark.parametrize(
     ("unit", "said"),
     [("intervene", "for wipe; skills that this run watches: pick, place_in"), (None, "none; --unit monitored does")],
 )
-def test_thresholds_of_nothing_that_is_watched_are_refused(unit: str | None, said: str, tmp_path: Path) -> None:
+def test_thresholds_of_nothing_that_is_watched_are_refused(unit: str | None, said: str, wipes: str) -> None:
     """Both are told: the skills of the file, and those of the run."""
-    config = EpisodeConfig(TASK, unit=unit, calibration=str(tmp_path / "wipe.json"))
-    levels: Any = {name: [1.0] for name in SIGNALS}
-    wipe = SkillThresholds(runs=8, thresholds=levels)
-    Calibration(policy=config.policy, robot=config.robot, alpha=0.2, skills={"wipe": wipe}).write(
-        tmp_path / "wipe.json"
-    )
+    config = EpisodeConfig(TASK, unit=unit, calibration=wipes)
     with pytest.raises(UserError, match=said):
-        prepare(config)
+        check_watched(config, [prepare(config)])
+
+
+def test_one_task_whose_skills_have_thresholds_is_enough_for_a_suite(wipes: str, tmp_path: Path, mpvi: Shell) -> None:
+    """The monitors of its other tasks only record; without such a task the suite is refused before it starts."""
+    trash, trumpet = (EpisodeConfig(task, unit="monitored", calibration=wipes) for task in (TASK, "clean_a_trumpet"))
+    check_watched(trash, [prepare(trash), prepare(trumpet)])
+    suite = tmp_path / "suite.yaml"
+    suite.write_text(f"methods: [expert]\ntasks: [{TASK}]\ninstances: [0]\n")
+    asked = ["suite", "run", str(suite), "--unit", "monitored", "--calibration", wipes, "--out", str(tmp_path / "out")]
+    result = mpvi(*asked)
+    assert result.returncode == 2
+    assert "skills that this run watches: pick, place_in" in result.stderr
 
 
 def test_a_planner_that_takes_its_time_makes_the_robot_wait_first() -> None:

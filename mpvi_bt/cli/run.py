@@ -207,7 +207,7 @@ def _asked_for(
     task: str | None, values: dict[str, str], dry: bool, out: Path, settings: dict[str, Any]
 ) -> tuple[EpisodeConfig, Prepared, bool]:
     """What the command line asks for, and whether it is dry."""
-    from mpvi_bt.episode.prepare import prepare, prepare_episode
+    from mpvi_bt.episode.prepare import check_watched, prepare, prepare_episode
     from mpvi_bt.instances.tasks import load_task
 
     if task is None and not dry:
@@ -218,11 +218,11 @@ def _asked_for(
         _refuse_in_a_dry_run()
     config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
     config = config.kept_in(out)
-    if not dry:
-        return config, prepare_episode(config, _note), dry
-    if task is not None:
+    if dry and task is not None:
         load_task(task).check_instance(config.instance)
-    return config, prepare(config, _note), dry
+    prepared = prepare(config, _note) if dry else prepare_episode(config, _note)
+    check_watched(config, [prepared])
+    return config, prepared, dry
 
 
 def _note(line: str) -> None:

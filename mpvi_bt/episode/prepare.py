@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 from mpvi_bt import paths
@@ -132,26 +132,26 @@ def prepare(
         rules = load_rules(config.substitute)
         rules.check(spec)
     planner = _replanner(config, task, models, spec, skills, given)
-    known = calibration_of(config, spec)
+    known = calibration_of(config)
     return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=known)
 
 
-def calibration_of(config: EpisodeConfig, spec: TreeSpec) -> Calibration | None:
-    """The thresholds of a tree's monitors.
-
-    Raises:
-        UserError: They are of another policy or robot, or of none of the skills that are watched.
-        FileProblems: The file is broken.
-    """
+def calibration_of(config: EpisodeConfig) -> Calibration | None:
+    """The thresholds of monitors. Raises UserError if they are of another policy or robot, FileProblems if broken."""
     if config.calibration is None:
         return None
-    known = load_calibration(config.calibration, name_of(config.policy), config.robot)
-    watches = [placed.spec.parameters for placed in spec.nodes if isinstance(placed.spec.parameters, Watch)]
-    watched = {watch.skill for watch in watches if watch.skill}
+    return load_calibration(config.calibration, name_of(config.policy), config.robot)
+
+
+def check_watched(config: EpisodeConfig, prepared: Collection[Prepared]) -> None:
+    """Refuse thresholds of none of the skills that monitors of what was prepared watch. Raises UserError."""
+    if (known := calibration_of(config)) is None:
+        return
+    watches = [placed.spec.parameters for ready in prepared for placed in ready.spec.nodes]
+    watched = {watch.skill for watch in watches if isinstance(watch, Watch) and watch.skill}
     if not watched & known.skills.keys():
         has, due = ", ".join(known.skills), ", ".join(sorted(watched)) or "none; --unit monitored does"
         raise UserError(f"{config.calibration} has thresholds for {has}; skills that this run watches: {due}.")
-    return known
 
 
 def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange | None:
@@ -270,8 +270,11 @@ def prepare_episode(
     return ready
 
 
-def check_episode(config: EpisodeConfig) -> None:
+def check_episode(config: EpisodeConfig) -> Prepared | None:
     """Refuse what `prepare_episode` would, as far as that can be told before a language model is asked for a plan.
+
+    Returns:
+        What it makes; None where a language model is to be asked first.
 
     Raises:
         UserError: Something in `config` does not exist or is wrong.
@@ -282,8 +285,8 @@ def check_episode(config: EpisodeConfig) -> None:
         check_backends(config)
         load_task(config.task).check_instance(config.instance)
         check_split(config.split)
-    else:
-        prepare_episode(config)
+        return None
+    return prepare_episode(config)
 
 
 def _replanner(
@@ -346,7 +349,7 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
     skills = load_skills()
     planner = _replanner(config, task, models, spec, skills)
     ready = Prepared(
-        task, skills, spec, rules, models, saved=saved, planner=planner, calibration=calibration_of(config, spec)
+        task, skills, spec, rules, models, saved=saved, planner=planner, calibration=calibration_of(config)
     )
     if not saved.dry:
         _check_replanning(ready)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mpvi_bt.choices.config import EPISODE, EpisodeConfig, SuiteBudget
-from mpvi_bt.episode.prepare import check_episode
+from mpvi_bt.episode.prepare import Prepared, check_episode, check_watched
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.suite.manifest import Manifest, make_manifest
 from mpvi_bt.suite.processes import WALL_LIMIT_S, ProcessEngine
@@ -107,8 +107,14 @@ def play(
         raise UserError("The nodes of a cluster cannot count calls and tokens together; give --calls or --tokens.")
     manifest, budget_s = make_manifest(title, episodes), budgets_s(episodes)
     budget = SuiteBudget(store.out / "asked.json", calls, tokens)
+    ready: dict[str | None, list[Prepared | None]] = {}  # by the thresholds that they name
     for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():
-        check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
+        # what is wrong with a tree or a plan is said once, and before workers start
+        ready.setdefault(config.calibration, []).append(check_episode(config))
+    for config in {c.calibration: c for c in episodes}.values():
+        known = [one for one in ready[config.calibration] if one is not None]
+        if len(known) == len(ready[config.calibration]):
+            check_watched(config, known)
     chosen = [
         kept.of(replace(config, suite_budget=budget), store.folder(config))
         for config in _part(episodes, tasks, instances)
