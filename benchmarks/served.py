@@ -19,11 +19,10 @@ from benchmarks.tables import grid
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.episode import run
 from mpvi_bt.episode.result import Result
-from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.serving.evaluator import Evaluation, evaluate
 from mpvi_bt.serving.served import DIALECTS, ServedWork, executive_server
-from mpvi_bt.tree.build import Tree
+from tests.driven import Acts, Ear
 from tests.serving import running
 
 APART = 1e-3  # m/s, rad/s, m, rad: more is another action; BEHAVIOR's dialects round to float32
@@ -53,22 +52,8 @@ class Played:
         np.savez_compressed(path, actions=self.actions, q=self.q)
 
 
-class Acts(Watcher):
-    """Keeps the actions of an episode that is played here."""
-
-    def __init__(self) -> None:
-        self.actions: list[Array] = []
-
-    def step(self, tree: Tree, world: World) -> None:
-        """A control step was carried out."""
-        self.actions.append(world.robot.action)
-
-
-class Ear:
-    """Keeps the actions of an episode that is driven by a server."""
-
-    def __init__(self) -> None:
-        self.actions: list[Array] = []
+class Progress(Ear):
+    """Tells how far it is."""
 
     def said(self, line: str) -> None:
         """What a person should know."""
@@ -78,10 +63,6 @@ class Ear:
         """A control step was carried out."""
         if step % 300 == 0:
             click.echo(f"step {step} of at most {most}", err=True)
-
-    def acted(self, instance: int, action: Array) -> None:
-        """What the robot was told, (23,)."""
-        self.actions.append(action)
 
 
 def played_here(task: str, instance: int, choices: dict[str, Any]) -> Played:
@@ -93,7 +74,7 @@ def played_here(task: str, instance: int, choices: dict[str, Any]) -> Played:
 
 def played_behind(dialect: Any, task: str, instance: int, choices: dict[str, Any]) -> Played:
     """By `mpvi serve mpvi`, up to where the goal is true, as the evaluators do."""
-    ear = Ear()
+    ear = Progress()
     with running(executive_server(dialect, ServedWork(EpisodeConfig("", **choices)))) as server:
         asked = Evaluation(
             f"127.0.0.1:{server.port}", dialect, task, (instance,), choices["robot"], labels=True, on_demand=True

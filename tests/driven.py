@@ -12,6 +12,7 @@ import numpy as np
 from websockets.sync.client import ClientConnection
 
 from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.remote import behavior_layout
 from mpvi_bt.remote.behavior import Behavior
 from mpvi_bt.remote.codec import pack, unpack
@@ -23,6 +24,7 @@ from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.serving.served import ServedWork, executive_server
 from mpvi_bt.testing import KinematicWorld
+from mpvi_bt.tree.build import Tree
 from tests.serving import client, received, running
 
 DIALECTS = ("behavior-2025", "behavior-2026", "openpi")
@@ -144,3 +146,40 @@ def driving(
     say = (said if said is not None else []).append
     with running(executive_server(dialect, work, say=say)) as server, client(server) as connection:
         yield Driver(connection, dialect, batched)
+
+
+class Acts(Watcher):
+    """Keeps the first actions of an episode that is played here, and then ends it; all of them without `most`.
+
+    Attributes:
+        actions: Those, (23,) each.
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self.actions: list[Array] = []
+        self._most = most
+
+    def step(self, tree: Tree, world: World) -> None:
+        if len(self.actions) == self._most:
+            raise KeyboardInterrupt
+        self.actions.append(world.robot.action)
+
+
+class Ear:
+    """Hears how an evaluation goes.
+
+    Attributes:
+        actions: That were carried out, (23,) each.
+    """
+
+    def __init__(self) -> None:
+        self.actions: list[Array] = []
+
+    def said(self, line: str) -> None:
+        pass
+
+    def stepped(self, instance: int, step: int, most: int) -> None:
+        pass
+
+    def acted(self, instance: int, action: Array) -> None:
+        self.actions.append(action)

@@ -19,37 +19,15 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.evaluate_server import evaluate as command
 from mpvi_bt.episode.episode import run
 from mpvi_bt.errors import PolicyError, UserError
-from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import Array
 from mpvi_bt.serving.evaluator import Evaluation, evaluate
 from mpvi_bt.serving.served import ServedWork, executive_server
-from mpvi_bt.tree.build import Tree
+from tests.driven import Acts, Ear
 from tests.serving import running
 
 TASK = "picking_up_trash"
 START = np.concatenate([np.zeros(3), [1.025, -1.45, -0.47, 0.0], np.zeros(7), [1.0], np.zeros(7), [1.0]])
-
-
-class Ear:
-    """Hears how it goes.
-
-    Attributes:
-        actions: That were carried out.
-    """
-
-    def __init__(self) -> None:
-        self.actions: list[Array] = []
-
-    def said(self, line: str) -> None:
-        pass
-
-    def stepped(self, instance: int, step: int, most: int) -> None:
-        pass
-
-    def acted(self, instance: int, action: Array) -> None:
-        self.actions.append(action)
 
 
 @contextmanager
@@ -116,23 +94,6 @@ def test_it_goes_on_as_the_evaluators_do(tmp_path: Path) -> None:
     assert (told["steps"], told["success"], told["q_score"]) == (10, False, {"final": 0.0})
 
 
-class Acts(Watcher):
-    """Keeps the first actions of an episode, and then ends it.
-
-    Attributes:
-        actions: Those.
-    """
-
-    def __init__(self, most: int) -> None:
-        self.actions: list[Array] = []
-        self._most = most
-
-    def step(self, tree: Tree, world: World) -> None:
-        if len(self.actions) == self._most:
-            raise KeyboardInterrupt
-        self.actions.append(world.robot.action)
-
-
 @pytest.mark.slow
 @pytest.mark.render
 def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
@@ -164,7 +125,7 @@ def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
 @pytest.mark.parametrize(("task", "robot"), [(TASK, "r1"), ("turning_on_radio", "r1pro")])
 def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: Literal["r1", "r1pro"]) -> None:
     """All of it, in our own keys: every action to the bit, up to where the goal is true."""
-    here, ear = Acts(20_000), Ear()
+    here, ear = Acts(), Ear()
     run(EpisodeConfig(task, policy="reactive", map="online", robot=robot), [here])
     config = EpisodeConfig("", policy="reactive", map="online", robot=robot)
     with running(executive_server("openpi", ServedWork(config))) as server:
