@@ -40,6 +40,7 @@ class Blind(TrueScene):
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
+        self.felt = world.robot.proprioception()
         self.lifts: list[float] = []
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
@@ -47,11 +48,17 @@ class Blind(TrueScene):
         self.lifts.append(float(felt.torso[0]))
 
 
+def looking(sight: Blind) -> Work:
+    """A robot that looks, and whose pictures are not looked at."""
+    work = Work(sight, Motion(sight.felt), np.random.default_rng(0))
+    work.images = {"head": None}  # type: ignore[dict-item]
+    return work
+
+
 def test_what_was_just_studied_is_not_studied_again_from_there() -> None:
     """Only once: as soon as the base or an arm has moved, or for another thing, there is something to see again."""
     world = small_world({"can": placed("can_of_soda", 1.0, 0.0)})
-    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    work.images = {"head": None}  # type: ignore[dict-item]
+    work = looking(Blind(world))
     assert not studied(work, "can")
     for action in study(work, "can"):
         work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO])
@@ -73,8 +80,7 @@ def test_no_look_asks_more_of_the_torso_than_it_can(board_m: float) -> None:
         f"{{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: {board_m}, shape: {{size_m: [0.36, 0.6, 0.7]}}}}"
     )
     world = small_world({"can": placed("can_of_soda", 1.2, 0.0, board_m + 0.02)}, wall_cabinet_1=cabinet)
-    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    work.images = {"head": None}  # type: ignore[dict-item]
+    work = looking(Blind(world))
     told = []
     for action in study(work, "can"):
         told.append(action[ActionLayout.TORSO])
@@ -92,8 +98,7 @@ def test_hanging_hands_do_not_meet_the_base_while_a_low_thing_is_looked_at(board
         f"{{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: {board_m}, shape: {{size_m: [0.36, 0.6, 0.7]}}}}"
     )
     world = small_world({"can": placed("can_of_soda", 1.2, 0.0, board_m + 0.02)}, robot=R1PRO, wall_cabinet_1=cabinet)
-    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    work.images = {"head": None}  # type: ignore[dict-item]
+    work = looking(Blind(world))
     told = 0
     for action in study(work, "can"):
         work.motion.felt = felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy())
@@ -107,9 +112,7 @@ def with_can(fixture: str) -> tuple[Work, Blind]:
     world = small_world({"can": placed("can_of_soda", 3.0, 0.0)}, wall_cabinet_1=fixture)
     put_in_hands(world, {"right": "can"})
     sight = Blind(world)
-    work = Work(sight, Motion(world.robot.proprioception()), np.random.default_rng(0))
-    work.images = {"head": None}  # type: ignore[dict-item]
-    return work, sight
+    return looking(sight), sight
 
 
 def obeyed(work: Work, actions: Actions | Look) -> None:
@@ -143,8 +146,7 @@ def test_a_container_in_a_hand_that_shows_no_opening_is_held_out(robot: RobotMod
     """Where it is carried the head may see past its rim: it is shown in other places before it is called none."""
     world = small_world({"bin": placed("trash_can", 3.0, 0.0)}, robot=robot)
     put_in_hands(world, {"left": "bin"})
-    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    work.images = {"head": None}  # type: ignore[dict-item]
+    work = looking(Blind(world))
     room, shown = work.scene.volumes("bin"), [work.motion.hand("left")]
     work.scene.volumes = lambda name: room if len(shown) > 2 else ()  # type: ignore[method-assign]
     for look in looks_inside(work, "bin"):

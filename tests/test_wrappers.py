@@ -83,7 +83,8 @@ def test_what_a_policy_says_of_itself_is_said_through_a_wrapper(kind: type, says
 
 def test_what_a_policy_says_of_one_prompt_of_several_is_no_end_of_all() -> None:
     """An instruction of four prompts is an eighth done when half of the first one is, and not ended with it."""
-    policy: Any = DemonstratedPolicy(Saying("at it", ended=True, progress=0.5), {"tidy up": list("abcd")})  # type: ignore[arg-type]
+    each: Any = Saying("at it", ended=True, progress=0.5)
+    policy: Any = DemonstratedPolicy(each, {"tidy up": list("abcd")})
     told = {"prompt": "tidy up", "proprioception": BODY, "images": {}}
     for done in range(4):
         policy.infer(told)

@@ -52,7 +52,7 @@ _ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, 
 _WITHIN_RAD = 0.2  # Our choice: what is so far within the edge of the picture is in view of a head that does not tilt
 _HALF_VIEW_RAD = 0.6  # what the picture of a head that tilts shows above and below its middle
 _BOWS_RAD = np.arange(0.0, 0.95, 0.1)  # pitches of the trunk to look down with
-_FACING = 5  # heights of an upright trunk that are tried, the lowest first
+_FACING = 5  # Our choice: heights of an upright trunk that are tried, the lowest first
 _BOWED = (1.0, 0.6, 0.3)  # of the way to one, where there is no room for all of it
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
 
