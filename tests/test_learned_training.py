@@ -111,6 +111,13 @@ def test_another_training_is_not_gone_on_with(folder: Path, tmp_path: Path):
         trained(folder, tmp_path / "a.pt", steps=4)
 
 
+def test_a_device_that_torch_lacks_is_refused(folder: Path, tmp_path: Path):
+    """In a line, before anything is written."""
+    with pytest.raises(UserError, match="device 'abacus'"):
+        train(Training(read_frames(folder, "pick"), 5, 3, 3, "abacus"), tmp_path / "a.pt", lambda _: None)
+    assert not (tmp_path / "a.pt").exists()
+
+
 def test_numpy_runs_the_networks_as_torch_trained_them(folder: Path):
     """What the policy computes without torch is what was optimized."""
     import torch

@@ -22,15 +22,17 @@ def train() -> None:
 @click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
 @click.option("--actor-steps", type=click.IntRange(1), help="Fewer for a first try.")
 @click.option("--proposer-steps", type=click.IntRange(1), help="Likewise.")
+@click.option("--device", default="cpu", show_default=True, help="Where torch computes, such as cuda.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: what was trained, as JSON.")
 def learned(
-    folder: Path, out: Path, skills: str, seed: int, actor_steps: int | None, proposer_steps: int | None, as_json: bool
-) -> None:
+    folder: Path, out: Path, skills: str, seed: int, actor_steps: int | None, proposer_steps: int | None, device: str,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Train the policy `learned` from the demonstrations in FOLDER/SKILL/.
 
     What is interrupted goes on where it was when it is started again; what FILE.npz holds of other skills stays in it.
-    The same demonstrations and seed make the same weights on one machine. `mpvi run TASK --policy learned:FILE.npz`
-    runs with them.
+    The same demonstrations and seed make the same weights on the CPU of one machine. `mpvi run TASK --policy
+    learned:FILE.npz` runs with them.
     """
     from mpvi_bt.errors import UserError
 
@@ -46,7 +48,7 @@ def learned(
     networks, about = dict(kept.skills), dict(kept.about)
     for skill in skills.split(","):
         frames = read_frames(folder, skill, lambda line: click.echo(line, err=True))
-        job = Training(frames, seed, actor_steps or ACTOR_STEPS, proposer_steps or PROPOSER_STEPS)
+        job = Training(frames, seed, actor_steps or ACTOR_STEPS, proposer_steps or PROPOSER_STEPS, device)
 
         def tell(row: dict[str, Any], skill: str = skill) -> None:
             figures = ", ".join(f"{k} {v:g}" for k, v in row.items() if k not in ("network", "step", "of"))

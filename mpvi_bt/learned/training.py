@@ -2,7 +2,7 @@
 
 The actor answers with waypoints (L1 to the demonstration's); the proposer's hypotheses compete, and the one that comes
 nearest to the demonstrated stance learns from it, as does the likelihood of that one. One thread, so that the same seed
-makes the same weights on one machine.
+makes the same weights on one machine; a GPU adds up in no fixed order, so there it makes other weights as good.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ class Training:
     """How far the training of one skill is.
 
     Attributes:
+        device: As torch names it, such as "cpu" or "cuda".
         curves: What was told: step, network, losses.
     """
 
@@ -55,6 +56,7 @@ class Training:
     seed: int
     actor_steps: int = ACTOR_STEPS
     proposer_steps: int = PROPOSER_STEPS
+    device: str = "cpu"
     curves: list[dict[str, Any]] = field(default_factory=list)
 
 
@@ -67,9 +69,13 @@ def train(job: Training, kept: Path, tell: Callable[[dict[str, Any]], None]) -> 
         tell: Is told of each row of `curves`.
 
     Raises:
-        UserError: torch is not installed, or `kept` is of another training.
+        UserError: torch is not installed or has no such device, or `kept` is of another training.
     """
     torch = _torch()
+    try:
+        torch.empty(1, device=job.device)
+    except (RuntimeError, AssertionError) as error:
+        raise UserError(f"torch cannot use the device {job.device!r}: {str(error).splitlines()[0]}") from None
     torch.set_num_threads(1)
     torch.manual_seed(job.seed)
     episodes = np.random.default_rng(job.seed).permutation(np.unique(job.frames.episode))
@@ -78,7 +84,7 @@ def train(job: Training, kept: Path, tell: Callable[[dict[str, Any]], None]) -> 
     actor, proposer = _Actor(batches, check, job), _Proposer(batches, check, job)
     sizes = {"seed": job.seed, "frames": len(job.frames.look), "steps": [job.actor_steps, job.proposer_steps]}
     if kept.exists():
-        state = torch.load(kept, weights_only=False)
+        state = torch.load(kept, map_location="cpu", weights_only=False)
         if state["sizes"] != sizes:
             raise UserError(f"{kept}: is of another training, {state['sizes']}, not {sizes}; delete it to begin anew.")
         job.curves[:] = state["curves"]
@@ -133,7 +139,8 @@ class _Trained:
         self.torch = _torch()
         self.batches, self.check, self.count, self.step = batches, check, count, 0
         self.rng = np.random.default_rng([job.seed, *self.name.encode()])
-        self.net = _network(self.shape, self.dropout)
+        self.device = job.device
+        self.net = _network(self.shape, self.dropout).to(job.device)
         self.optimizer = self.torch.optim.AdamW(
             self.net.parameters(), lr=self.rate, weight_decay=self.decay, fused=True
         )
@@ -148,7 +155,7 @@ class _Trained:
         raise NotImplementedError
 
     def tensor(self, array: Array) -> Any:
-        return self.torch.from_numpy(np.ascontiguousarray(array, np.float32))
+        return self.torch.from_numpy(np.ascontiguousarray(array, np.float32)).to(self.device)
 
     def answer(self, points: Array, told: Array) -> Any:
         """(n, out) of points (n, m, p) and all else (n, t), standardized already."""
@@ -193,7 +200,8 @@ class _Trained:
                 "optimizer": self.optimizer.state_dict(), "rng": self.rng.bit_generator.state}  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
-        self.step, self.average = state["step"], state["average"]
+        self.step = state["step"]
+        self.average = {name: value.to(self.device) for name, value in state["average"].items()}
         self.net.load_state_dict(state["net"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.rng.bit_generator.state = state["rng"]
@@ -253,7 +261,7 @@ class _Proposer(_Trained):
         loss = loss + _LIKELY * self.torch.nn.functional.cross_entropy(out[..., -1], best)
         if train:
             return loss, {}
-        likeliest = off[self.torch.arange(len(off)), out[..., -1].argmax(1), _HAND] * _HAND_M
+        likeliest = off[self.torch.arange(len(off), device=self.device), out[..., -1].argmax(1), _HAND] * _HAND_M
         return loss, {"hand_mm": 1000 * float(likeliest.norm(dim=1).median())}
 
 
@@ -261,6 +269,6 @@ def _named(network: str, trained: _Trained) -> dict[str, Array]:
     """Weights as `Networks` has them: what goes in along rows."""
     out = {f"{network}.mean": trained.mean, f"{network}.std": trained.std}
     for name, value in trained.average.items():
-        array = value.numpy().astype(float)
+        array = value.cpu().numpy().astype(float)
         out[f"{network}.{name}"] = np.ascontiguousarray(array.T if array.ndim == 2 else array)
     return out
