@@ -38,6 +38,15 @@ def test_products_are_those_of_numpy(first: tuple[int, ...], second: tuple[int, 
         np.testing.assert_allclose(matmul(x, y), x @ y, rtol=0, atol=1e-12, strict=True)
 
 
+def test_a_layout_changes_no_bit() -> None:
+    """Sums are in one order, whether the second factor lies row by row, column by column or in strides."""
+    rng = np.random.default_rng(0)
+    b = rng.normal(size=(40, 30))
+    for a in (rng.normal(size=40), rng.normal(size=(20, 40))):
+        for same in (np.asfortranarray(b), np.repeat(b, 2, 1)[:, ::2]):
+            assert (matmul(a, b) == matmul(a, same)).all()
+
+
 def test_several_factors_are_taken_from_left_to_right() -> None:
     """A product of four is the products of two, one after the other; lists and integers are taken too."""
     a, b, c = np.random.default_rng(0).normal(size=(3, 3, 3))

@@ -164,17 +164,17 @@ def rebased(now: Moments, stance: Array) -> Array:
 
 def _drive(now: Moments, stance: Array) -> Array | None:
     """(3,) the base's velocity toward the stance's, None where it stands there."""
-    off = matmul(kin.inverse(now.frames()[0]), kin.base(stance[0, :3]))
+    off = matmul(kin.inverse(now.frames[0]), kin.base(stance[0, :3]))
     way = np.array([off[0, 3], off[1, 3], np.arctan2(off[1, 0], off[0, 0])])
     if float(norm(way[:2])) < _LEAD.parked_m and abs(way[2]) < _LEAD.parked_rad:
         return None
     return np.clip(way / _LEAD.drive_s, -np.array(_LEAD.drive), _LEAD.drive)
 
 
-def _over(stance: Array, hand: Array, opened: bool) -> Array:
+def _over(stance: Array, goal: Array, hand: Array, opened: bool) -> Array:
     """(7,) the arm's posture for a hand at (3,): the stance's; from beside it, and once it has opened, above that."""
-    goal = hand_at(stance)[0].copy()
     if opened or float(norm(goal[:2, 3] - hand[:2])) > _LEAD.beside_m:
+        goal = goal.copy()
         goal[2, 3] += _LEAD.over_m
     at = reached(stance[0], goal)
     return stance[0, 7:] if at is None else at[7:]
@@ -197,39 +197,54 @@ def chunk(
     answer, progress = net.act(seen, told, TARGET_POINTS)
     way = np.concatenate([np.zeros((1, answer.shape[1])), answer])  # the first point is now
     way[0, WAYPOINT["grip"]] = now.told_grip
-    T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
-    hand = matmul(now.frames()[0], now.hands()[0])[:3, 3]
-    near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
-    led = before and opens
-    there = norm(hand_at(stance)[0, :3, 3] - hand) < _LEAD.there_m
+    hand, goal = now.hands_in_world[0, :3, 3], hand_at(stance)[0]
+    away_m = norm(points[:TARGET_POINTS].mean(0) - hand)
+    near, led = away_m < _NEAR_M, before and opens
+    there = norm(goal[:3, 3] - hand) < _LEAD.there_m
     drive = _drive(now, stance) if led else None
     opened = opens and now.told_grip[0] > _OPENED
-    at_target = norm(points[:TARGET_POINTS].mean(0) - hand) < _LEAD.near_m
-    over = _over(stance, hand, opened) if opened or (led and at_target) else None
-    steps, arm, last = [], now.told_arm[0], way[0]
+    over = _over(stance, goal, hand, opened) if opened or (led and away_m < _LEAD.near_m) else None
     ways = matmul(_BETWEEN, way)
-    turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
-    for k, (at, turn) in enumerate(zip(ways, turns, strict=True), start=1):
-        x, y, yaw = at[:3] - last[:3]
-        c, s = np.cos(last[2]), np.sin(last[2])
-        base = np.clip(np.array([c * x + s * y, c * y - s * x, yaw]) * CONTROL_HZ, -_TOP_BASE, _TOP_BASE)
-        torso = now.told_torso[0] + at[WAYPOINT["torso"]]
-        if near and before:  # the actor seldom bends once the arm is out, even where the arm is too short
-            left = stance[0, 3:6] - now.told_torso[0, :3]
-            torso[:3] = now.told_torso[0, :3] + np.clip(left, -k * _TORSO_STEP, k * _TORSO_STEP)
-        wanted = now.told_arm[0] + at[WAYPOINT["arm"]]
-        if drive is not None:
-            base, wanted = drive, now.told_arm[0]
-        elif over is not None:
-            wanted = now.told_arm[0] + np.clip(over - now.told_arm[0], -k * _LEAD.arm_rad, k * _LEAD.arm_rad)
-        elif near:
-            shift = kin.transform(turn, at[WAYPOINT["shift"]])
-            T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shift)
-            q = BODY.nearest_posture(T_chest_hand, SIDE, wanted)
-            if q is not None and np.abs(q - wanted).max() < _OFF_RAD:
-                wanted = q
-        arm = arm + np.clip(wanted - arm, -_TOP_ARM_RAD, _TOP_ARM_RAD)
-        grip = float(np.clip(at[WAYPOINT["grip"]][0], -1, 1)) if there or not led else now.told_grip[0]
-        steps.append((base, torso, arm, grip))
-        last = at
+    torso = now.told_torso + ways[:, WAYPOINT["torso"]]
+    if near and before:  # the actor seldom bends once the arm is out, even where the arm is too short
+        torso[:, :3] = now.told_torso[:, :3] + _within_steps(stance[0, 3:6] - now.told_torso[0, :3], _TORSO_STEP)
+    wanted = now.told_arm + ways[:, WAYPOINT["arm"]]
+    if drive is not None:
+        wanted = np.repeat(now.told_arm, CHUNK, 0)
+    elif over is not None:
+        wanted = now.told_arm + _within_steps(over - now.told_arm[0], _LEAD.arm_rad)
+    elif near:
+        wanted = _with_hand(now, torso, ways, wanted)
+    base = _speeds(way[:1], ways) if drive is None else np.repeat(drive[None], CHUNK, 0)
+    steps, arm = [], now.told_arm[0]
+    for k in range(CHUNK):
+        arm = arm + np.clip(wanted[k] - arm, -_TOP_ARM_RAD, _TOP_ARM_RAD)
+        grip = float(np.clip(ways[k, WAYPOINT["grip"]][0], -1, 1)) if there or not led else now.told_grip[0]
+        steps.append((base[k], torso[k], arm, grip))
     return steps, progress
+
+
+def _within_steps(way: Array, step: Array | float) -> Array:
+    """(9, n) how far of a way (n,) every step of a chunk is, of which each goes no farther than `step`."""
+    most = np.arange(1, CHUNK + 1)[:, None] * step
+    return np.clip(way, -most, most)
+
+
+def _speeds(begin: Array, ways: Array) -> Array:
+    """(9, 3) the base's velocity at every step, in its frame, from waypoint (1, 21) on by (9, 21)."""
+    last = np.concatenate([begin, ways[:-1]])[:, WAYPOINT["base"]]
+    x, y, yaw = (ways[:, WAYPOINT["base"]] - last).T
+    c, s = np.cos(last[:, 2]), np.sin(last[:, 2])
+    return np.clip(np.stack([c * x + s * y, c * y - s * x, yaw], 1) * CONTROL_HZ, -_TOP_BASE, _TOP_BASE)
+
+
+def _with_hand(now: Moments, torso: Array, ways: Array, wanted: Array) -> Array:
+    """(9, 7) the arm's postures that bring the hand where waypoints say, `wanted` where none is near to it."""
+    turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
+    shifts = kin.transform(turns, ways[:, WAYPOINT["shift"]])
+    T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
+    T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shifts)
+    found = (BODY.nearest_posture(T, SIDE, at) for T, at in zip(T_chest_hand, wanted, strict=True))
+    return np.array(
+        [at if q is None or np.abs(q - at).max() >= _OFF_RAD else q for q, at in zip(found, wanted, strict=True)]
+    )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mpvi_bt.learned.features import STRIDE, WAYPOINTS, Moments, TargetFrame, actor_inputs, hand_at, waypoints
 from mpvi_bt.learned.points import CONTEXT_POINTS, TARGET_POINTS
 from mpvi_bt.learned.training_set import TrainingSet
-from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 ACTOR_POINTS, PROPOSER_POINTS = 32, 48  # of each set that one sample has
@@ -48,7 +48,7 @@ class Batches:
         """Take frames, and the episodes that may be drawn from."""
         self.frames = frames
         now = frames.moments
-        hand = matmul(now.frames(), now.hands())[:, :3, 3]
+        hand = now.hands_in_world[:, :3, 3]
         self._away = norm(hand_at(frames.stance)[:, :3, 3] - hand)
         self._drives = norm(now.base[frames.last, :2] - now.base[:, :2]) > _BASE[0]
         seen = (frames.look >= 0) & np.isin(frames.episode, episodes)

@@ -8,6 +8,7 @@ torso (4) and arm (7) joints.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,13 +56,20 @@ class Moments:
     told_arm: Array
     told_grip: Array
 
+    @cached_property
     def hands(self) -> Array:
         """(n, 4, 4) T_base_hand."""
         return BODY.tcp(self.torso, self.arm, SIDE)
 
+    @cached_property
     def frames(self) -> Array:
         """(n, 4, 4) T_world_base."""
         return bases(self.base)
+
+    @cached_property
+    def hands_in_world(self) -> Array:
+        """(n, 4, 4) T_world_hand."""
+        return matmul(self.frames, self.hands)
 
 
 def bases(base: Array) -> Array:
@@ -87,16 +95,14 @@ def actor_inputs(now: Moments, stance: Array, points: Array, targets: int) -> tu
     Returns:
         (n, m, 9) points in the frames of hand, base and the hand at the stance, and (n, 76) all else.
     """
-    T_base = now.frames()
-    T_felt = now.hands()
-    T_hand, T_goal = matmul(T_base, T_felt), hand_at(stance)
+    T_base, T_hand, T_goal = now.frames, now.hands_in_world, hand_at(stance)
     to_hand, to_base, to_goal = (_moved(kin.inverse(T), points) for T in (T_hand, T_base, T_goal))
     near = [np.clip(p * _NEAR, -_MOST, _MOST) for p in (to_hand, to_goal)]
     way = matmul(kin.inverse(T_base), bases(stance[:, :3]))
     yaw = np.arctan2(way[:, 1, 0], way[:, 0, 0])
     told = [
         now.torso, now.arm, (now.told_arm - now.arm) * 10, now.width[:, None] * 10, now.told_grip[:, None],
-        now.velocity, _nine(T_felt), np.stack([way[:, 0, 3], way[:, 1, 3], way[:, 0, 0], way[:, 1, 0]], 1),
+        now.velocity, _nine(now.hands), np.stack([way[:, 0, 3], way[:, 1, 3], way[:, 0, 0], way[:, 1, 0]], 1),
         stance[:, 3:7] - now.told_torso, stance[:, 7:14] - now.told_arm, stance[:, 7:14],
         _nine(matmul(kin.inverse(T_hand), T_goal)), *(p[:, :targets].mean(1) for p in (to_hand, to_base, to_goal)),
         yaw[:, None] * 5, np.clip(way[:, :2, 3] * 10, -2, 2), norm(way[:, :2, 3])[:, None],
@@ -112,7 +118,7 @@ def waypoints(now: Moments, base: Array, torso: Array, arm: Array, grip: Array) 
         base: (n, 8, 3) where the base will be.
         torso: (n, 8, 4), arm: (n, 8, 7), grip: (n, 8) what will have been commanded.
     """
-    way = matmul(kin.inverse(now.frames())[:, None], bases(base))
+    way = matmul(kin.inverse(now.frames)[:, None], bases(base))
     moved = np.stack([way[..., 0, 3], way[..., 1, 3], np.arctan2(way[..., 1, 0], way[..., 0, 0])], -1)
     T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)
     shift = matmul(kin.inverse(T_told)[:, None], BODY.tcp(torso, arm, SIDE))

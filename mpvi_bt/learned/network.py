@@ -179,5 +179,5 @@ def _read(kept: Mapping[str, Array], skill: str, path: Path) -> dict[str, Array]
         array = np.asarray(kept[f"{skill}/{name}"], float)
         if array.shape != shape or not np.isfinite(array).all():
             raise UserError(f"{path}: {skill}/{name} is {array.shape}, not {shape} finite numbers.")
-        weights[name] = np.asfortranarray(array)  # products go down the columns: half the time
+        weights[name] = array
     return weights

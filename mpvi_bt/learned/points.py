@@ -67,14 +67,14 @@ class PointMemory:
                 if detection.phrase == ROBOT:
                     free &= ~pixels(detection, image)
             masks = [pixels(d, image) & free for d in found if d.phrase == self._phrase]
-            seen = [_points(image, mask) for mask in masks if mask.sum() >= _LEAST_PX]
+            seen = [_points(image, mask) for mask in masks if np.count_nonzero(mask) >= _LEAST_PX]
             seen = [p for p in seen if all(norm(p.mean(0) - hand) > _CARRIED_M for hand in carried)]
             if seen:
                 was = self.middle if self.seen else image.T_world_camera[:3, 3]
                 nearest = min(seen, key=lambda points: float(norm(points.mean(0) - was)))
                 self._target[image.camera] = (self._looks, nearest)
             if self.seen:
-                self._look_around(image, free & ~np.any([np.zeros_like(free), *masks], axis=0))
+                self._look_around(image, free, masks)
         newest = max((k for k, _ in self._target.values()), default=0)
         self._target = {c: v for c, v in self._target.items() if newest - v[0] <= _STALE_LOOKS}
 
@@ -84,8 +84,11 @@ class PointMemory:
         around = self._drawn(list(self._context.values()), CONTEXT_POINTS) if self._context else target[:1]
         return np.concatenate([target, np.resize(around, (CONTEXT_POINTS, 3))])
 
-    def _look_around(self, image: CameraImage, other: NDArray[np.bool_]) -> None:
-        rows, columns = (_EVERY_PX * at for at in np.nonzero(other[::_EVERY_PX, ::_EVERY_PX]))
+    def _look_around(self, image: CameraImage, free: NDArray[np.bool_], masks: Sequence[NDArray[np.bool_]]) -> None:
+        other = free[::_EVERY_PX, ::_EVERY_PX].copy()
+        for mask in masks:
+            other &= ~mask[::_EVERY_PX, ::_EVERY_PX]
+        rows, columns = (_EVERY_PX * at for at in np.nonzero(other))
         points = in_world(image, columns + 0.5, rows + 0.5, image.depth[rows, columns].astype(float))
         near = points[norm(points - self.middle) < _AROUND_M]
         if len(near) >= _LEAST_AROUND_PX:
@@ -102,9 +105,10 @@ class PointMemory:
 
 def _points(image: CameraImage, mask: NDArray[np.bool_]) -> Array:
     """(n, 3) in the world [m] of the pixels of a thing, without those that are of something before or behind it."""
-    rows, columns = np.nonzero(mask)
+    rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])  # ten times as fast as of two dimensions
     z = image.depth[rows, columns].astype(float)
-    middle = np.quantile(z, 0.5, method="lower")  # a depth that was measured: between two things there is nothing
+    half = (len(z) - 1) // 2
+    middle = np.partition(z, half)[half]  # a depth that was measured: between two things there is nothing
     (own,) = np.nonzero(np.abs(z - middle) <= _DEEP_M)
     own = own[np.linspace(0, len(own) - 1, min(len(own), _KEPT)).astype(int)]
     return in_world(image, columns[own] + 0.5, rows[own] + 0.5, z[own])

@@ -207,7 +207,7 @@ class LearnedPolicy:
         while True:
             hand.feel(self._felt)
             now = hand.now()
-            at = matmul(now.frames()[0], now.hands()[0])[:3, 3]
+            at = now.hands_in_world[0, :3, 3]
             grip, holds = now.told_grip[0], self._felt.holds(hand.side)
             closed = grip < _CLOSED
             if motion.opens:

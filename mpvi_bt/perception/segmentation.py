@@ -161,15 +161,15 @@ class SegmentationDetector:
         tall, wide = (np.flatnonzero(lit.any(axis)) for axis in (1, 0))
         top, left = int(tall[0]), int(wide[0])  # in most pictures it is little that counts
         shown = shown[top : tall[-1] + 1, left : wide[-1] + 1]
-        counts = np.bincount(shown.ravel(), minlength=len(known) + 1).tolist()
-        boxes = ndimage.find_objects(shown, len(known))
-        corner = np.array([left, top] * 2)
-        return [
-            _Seen(label, corner + [columns.start, rows.start, columns.stop, rows.stop], shown[rows, columns] == k)
-            for k, label in enumerate(known, start=1)
-            if counts[k] >= (1 if label == ROBOT else max(1, self._least_px))
-            for rows, columns in [boxes[k - 1]]
-        ]
+        corner, found = np.array([left, top] * 2), []
+        for k, box in enumerate(ndimage.find_objects(shown, len(known)), start=1):
+            if box is None:
+                continue
+            (rows, columns), mask = box, shown[box] == k
+            if np.count_nonzero(mask) >= (1 if known[k - 1] == ROBOT else self._least_px):
+                edges = [columns.start, rows.start, columns.stop, rows.stop]
+                found.append(_Seen(known[k - 1], corner + edges, mask))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

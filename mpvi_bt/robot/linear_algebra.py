@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -112,6 +112,8 @@ def _symmetric(S: list[list[float]]) -> tuple[list[float], list[list[float]]]:
 def _product(a: _Array, b: _Array) -> Any:
     if not (a.ndim and b.ndim) or a.shape[-1] != b.shape[-2 if b.ndim > 1 else 0]:
         raise ValueError(f"mismatch of the inner dimensions: a product of shapes {a.shape} and {b.shape}")
+    if a.ndim <= 2 and b.ndim == 2 and b.flags.c_contiguous:
+        return (_loops().vector_times_rows if a.ndim == 1 else _loops().matrices_of_rows)(a, b)
     if a.ndim <= 2 and b.ndim <= 2:
         return _loops()[a.ndim * 2 + b.ndim - 3](a, b)
     left, right = a if a.ndim > 1 else a[None], b if b.ndim > 1 else b[:, None]
@@ -133,19 +135,26 @@ class _Loops(NamedTuple):
     matrices: Callable[..., Any]
     stacks: Callable[..., Any]
     squares: Callable[..., Any]
+    vector_times_rows: Callable[..., Any]
+    matrices_of_rows: Callable[..., Any]
 
 
 @cache
 def _loops() -> _Loops:
-    """The loops, each compiled for arrays of any layout."""
+    """The loops, compiled for arrays of any layout; two of them once more for a second factor that lies row by row.
+
+    Along such a row the processor adds several numbers at a time, each of them in the same order as ever.
+    """
     from numba import types
 
-    def of(dimensions: int) -> Any:
-        return types.Array(types.float64, dimensions, "A", readonly=True)
+    def of(dimensions: int, layout: Literal["A", "C"] = "A") -> Any:
+        return types.Array(types.float64, dimensions, layout, readonly=True)
 
     takes = (1, 1), (1, 2), (2, 1), (2, 2), (3, 3), (2,)
     loops = _vectors, _vector_times, _times_vector, _matrices, _stacks, _squares
-    return _Loops(*(compiled(loop, tuple(map(of, n))) for loop, n in zip(loops, takes, strict=True)))
+    any_layout = (compiled(loop, tuple(map(of, n))) for loop, n in zip(loops, takes, strict=True))
+    by_rows = (compiled(loop, (of(n), of(2, "C"))) for loop, n in ((_vector_times_rows, 1), (_matrices_of_rows, 2)))
+    return _Loops(*any_layout, *by_rows)
 
 
 def _vectors(a, b):  # type: ignore
@@ -208,4 +217,21 @@ def _squares(V):  # type: ignore
         for k in range(V.shape[1]):
             total += V[i, k] * V[i, k]
         out[i] = total
+    return out
+
+
+def _vector_times_rows(a, B):  # type: ignore
+    out = np.zeros(B.shape[1])
+    for k in range(B.shape[0]):
+        for j in range(B.shape[1]):
+            out[j] += a[k] * B[k, j]
+    return out
+
+
+def _matrices_of_rows(A, B):  # type: ignore
+    out = np.zeros((A.shape[0], B.shape[1]))
+    for i in range(A.shape[0]):
+        for k in range(B.shape[0]):
+            for j in range(B.shape[1]):
+                out[i, j] += A[i, k] * B[k, j]
     return out
