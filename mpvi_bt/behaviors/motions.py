@@ -18,10 +18,10 @@ from mpvi_bt.robot.stow import ArmStow
 _TURN_RAD_S = 0.8
 _TURN_RAD_S2 = 1.2
 _LAST_PER_S = 6.0  # rate by what is left, at the end
-_DONE_RAD = 0.01
-_STALL_S = 3.0
-_ARM_RAD = 0.1
-_TORSO = 0.05  # [m], [rad]
+_DONE_RAD = 0.01  # so near to the angle that was asked for the turn ends;
+_STALL_S = 3.0  # so long without coming nearer, it has failed
+_ARM_RAD = 0.1  # so near to their posture arms
+_TORSO = 0.05  # and torso are in it [m, rad]
 
 
 class Posture(Leaf):

@@ -20,6 +20,7 @@ from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, bounds, pose
 from mpvi_bt.things.catalogue import Entry
 
+# All our choice.
 DROP_M = 0.001  # things are let go of so far above what carries them
 ASKEW_RAD = 0.25  # how far what is laid square is turned from it, at the most
 ONE_HAND_M = 0.085

@@ -16,6 +16,7 @@ from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.scene.occupancy_map import OccupancyMap
 
+# All our choice.
 ROBOT_CLEARANCE_M = 0.45  # free floor around the robot at the start
 OBJECT_CLEARANCE_M = 0.30  # free floor around an object's edge, so that a hand gets at it
 APART_M = 0.45  # between two objects' edges

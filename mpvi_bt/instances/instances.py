@@ -31,9 +31,10 @@ from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.world import ROBOT, World
 from mpvi_bt.things.catalogue import Catalogue
 
+# All our choice.
 DRAWS = 40  # of a start, until one will do
 OVERLAP_M = 0.003  # that things lie in each other by contact's give; more is interpenetration
-_TOUCH_M = 0.002
+_TOUCH_M = 0.002  # what is so near to another thing touches it
 _LOW_M = 0.3  # what begins lower than this is in the way of a robot's base
 _SETTLE_S, _WATCH_S, _MORE = 1.0, 0.25, 12
 _ASIDE_M = 0.6  # so far from where the r1 begins, along x and along y, another robot may

@@ -31,7 +31,7 @@ _REBASED_RAD = 0.6
 _BEGIN_M = (0.65, 1.15)  # from the target, where demonstrations began
 _DRIVE_M = 0.6  # that demonstrations drove at most, by and large
 _EPSILON_M = 1e-6
-# Changes of lift [m], yaw, pitch and the head's tilt [rad], the least first.
+# Our choice: changes of lift [m], yaw, pitch and the head's tilt [rad], the least first.
 _LEANS = np.array(
     sorted(
         (

@@ -17,6 +17,7 @@ from mpvi_bt.learned.training_set import TrainingSet
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
+# All our choice, as above.
 ACTOR_POINTS, PROPOSER_POINTS = 32, 48  # of each set that one sample has
 _POINT_M = 0.002
 _ARM_RAD, _TORSO, _BASE = 0.05, np.array([0.01, 0.02, 0.02, 0.04]), np.array([0.03, 0.03, 0.04])

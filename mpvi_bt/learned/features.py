@@ -24,15 +24,16 @@ STRIDE = 3  # control steps from one to the next: 10 Hz
 WAYPOINT = {"base": slice(0, 3), "torso": slice(3, 7), "arm": slice(7, 14), "shift": slice(14, 17),
             "turn": slice(17, 20), "grip": slice(20, 21)}  # fmt: skip
 WAYPOINT_SIZE = 21
-# What a network's answer of 1 stands for [m, rad].
+# What a network's answer of 1 stands for [m, rad]. Our choice: about the spread of the demonstrations' waypoints.
 SCALE = np.array([0.1] * 3 + [0.05, 0.1, 0.1, 0.2] + [0.2] * 7 + [0.06] * 3 + [0.2] * 3 + [0.5])
 STANCE = {"base": slice(0, 3), "torso": slice(3, 7), "arm": slice(7, 14)}
 STANCE_SIZE = 14
 HYPOTHESIS_SIZE = STANCE_SIZE + 9  # a stance, the hand's position, x axis and y axis
 FELT_SIZE = 76
+# Our choice.
 _NEAR = 5.0  # points and ways [m] near the hand are told magnified so,
 _MOST = 4.0  # up to so much
-_PROPOSER_NEAR = 3.0
+_PROPOSER_NEAR = 3.0  # likewise, for the proposer
 
 
 @dataclass(frozen=True, eq=False)

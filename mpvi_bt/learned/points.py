@@ -13,6 +13,7 @@ from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
+# All our choice.
 TARGET_POINTS = CONTEXT_POINTS = 64  # of a sample
 _LEAST_PX, _LEAST_AROUND_PX = 4, 8  # a look that shows less of the target, of what is around it, tells nothing
 _AROUND_M = 0.45  # what is nearer to the target's middle is around it

@@ -27,11 +27,12 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 WEIGHTS = Path(__file__).parent / "weights.npz"
+# All our choice, by trials in rooms that no figure is of.
 _EMPTY_CHUNKS = 3  # that a closed hand is empty before it is opened
 _OPENING = 15  # steps
-_CLOSED = -0.9
+_CLOSED = -0.9  # a gripper's command, of -1 to 1, that means closed
 _STUCK_CHUNKS = 10  # without a move: 3 s
-_STUCK_M = 0.02
+_STUCK_M = 0.02  # what has moved less has not moved
 _DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, so far from where it closed or let go
 
 

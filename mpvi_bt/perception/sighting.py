@@ -16,6 +16,7 @@ from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
+# All our choice.
 _SAME = 0.7  # detections by different phrases that overlap so far (intersection over union) are of one thing
 _AS_GOOD = 0.7  # a phrase whose score is a smaller part of the best one's is not what the thing is
 _EDGE_PX = 2  # a box that comes so near to the picture's edge is cut by it

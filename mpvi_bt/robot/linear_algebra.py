@@ -22,6 +22,7 @@ from mpvi_bt.compiled import compiled
 
 _Array = NDArray[np.float64]
 
+# Our choice: as little as rounding of double precision leaves.
 _SWEEPS = 30  # of Jacobi's method, at the most: a matrix of a few rows takes about five
 _NOTHING = 1e-15  # of two eigenvalues: what is left between them is rounding
 _DEPENDS = 1e-12  # of its length: as little of a column is left by rounding where others make it up

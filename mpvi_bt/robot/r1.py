@@ -19,6 +19,7 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.trunk import LiftTrunk
 
+# Our choice: a robot of about the size of BEHAVIOR's R1Pro.
 UPPER_ARM_M = 0.32
 FOREARM_M = 0.30
 TCP_M = 0.158  # flange to tcp
@@ -46,7 +47,8 @@ ARM_LIMITS: Mapping[Side, Array] = {
     "left": _LEFT_LIMITS,
     "right": np.sort(_LEFT_LIMITS * _MIRROR[:, None], axis=1),
 }
-# What motions are planned with; nothing on the robot enforces the arms' and the torso's.
+# What motions are planned with; nothing on the robot enforces the arms' and the torso's. Our choice: below what robots
+# of this size can do, and slow enough that what is held by friction stays in the hand.
 ARM_SPEED = np.array([2.0, 2.0, 2.0, 2.0, 2.5, 2.5, 2.5])  # [rad/s]
 ARM_ACCELERATION = np.array([6.0, 6.0, 6.0, 6.0, 8.0, 8.0, 8.0])  # [rad/s^2]
 TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]

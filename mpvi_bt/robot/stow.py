@@ -17,11 +17,12 @@ from mpvi_bt.robot.protocol import ActionLayout, Robot, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
-_CLOSE_RAD = 0.05
-_BACK_M = 0.25
+# All our choice, by trials of skills and episodes.
+_CLOSE_RAD = 0.05  # an arm so near to its posture is in it
+_BACK_M = 0.25  # that the base draws back, at the least
 _BACK_RAD = (0.0, 0.6, -0.6, 1.1, -1.1)  # from straight back, where an arm or the base is against a wall
 _OFF_M = 0.15  # off what fingers stand around
-_RAISED_M = 0.15
+_RAISED_M = 0.15  # that hands are raised, off what they worked on
 _DRAWN_M = 0.12  # of a hand along its fingers, off what it may have let go of a moment ago
 _LEVEL = 0.3  # of the length of a hand's approach, seen from above: one that points down more steeply is not drawn back
 _CARRIED_M = 0.58  # from the base's axis, and between these heights, a hand carries what it holds;

@@ -23,8 +23,8 @@ _SIZE_M = (3.2, 3.2, 2.0)  # the robot's reach from every place that it might dr
 _LOWEST_M = -0.05
 _SURFACE_M = 0.012  # a point that much before a surface, beside the noise of depth, is free
 _NOISE_PER_M = DEPTH_NOISE.smoothed_m
-_REMEMBERED_M = 0.08  # how thick surfaces are along the line of sight that only earlier pictures have shown
-_FAR = 9.0  # what distance there is to nothing
+_REMEMBERED_M = 0.08  # our choice: how thick surfaces are along the line of sight that only earlier pictures showed
+_FAR = 9.0  # what distance there is to nothing [m]: beyond the field's size
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,9 +59,11 @@ class Carrying:
 
 
 _CARRY = Carrying()
-# Off the middle of a hand's way home, y toward its own side [m].
+# Off the middle of a hand's way home, y toward its own side [m]. Our choice: straight first, then
+# around and over what is beside it.
 _DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
-# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
+# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad]. Our choice: a grid before
+# the chest, within the base's outline or close to it.
 _CARRIES = [
     (x, y, z, yaw)
     for x in (0.28, 0.33, 0.38, 0.43, 0.49)

@@ -84,6 +84,7 @@ class Fingertips:
 
 
 _TIPS = Fingertips()
+# Of the direction that a prompt says, from the one away from the robot [rad].
 _TURNS = {"away": 0.0, "forward": 0.0, "left": np.pi / 2, "right": -np.pi / 2, "aside": np.pi / 2, "backward": np.pi}
 
 
