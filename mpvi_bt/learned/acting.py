@@ -54,18 +54,20 @@ Step = tuple[Array, Array, Array, float]
 class Leading:
     """How a place is led to its stance: what was let go of beside it cannot be taken back.
 
-    The base drives there with the arm at rest; near the target the hand goes over the place, then down, opens only
-    there, and goes up again. Our choice, by trials in rooms that no figure is of.
+    A hand that is lower than the place is raised over it first, or what it holds would be stripped off by the container
+    or its table. Then the base drives there with the arm at rest; near the target the hand goes over the place, then
+    down, opens only there, and goes up again. Our choice, by trials in rooms that no figure is of.
 
     Attributes:
         parked_m: The base stands at the stance if it is no farther off [m],
         parked_rad: nor turned by more [rad].
         drive_s: Its speed is the way that is left by this [s],
         drive: and no more than that: x, y [m/s], yaw [rad/s].
-        near_m: From the target the hand is led when it is nearer [m],
+        near_m: From its pose the hand is led when it is nearer [m],
         arm_rad: by so much a step and joint, at the most [rad].
         beside_m: A hand that is so far aside of its pose [m]
-        over_m: goes so far above it first [m].
+        over_m: goes so far above it first [m],
+        under_m: and one that is so far under that does before the base drives [m].
         there_m: A hand may open that is no farther from its pose [m].
     """
 
@@ -77,6 +79,7 @@ class Leading:
     arm_rad: float = 0.03
     beside_m: float = 0.1
     over_m: float = 0.12
+    under_m: float = 0.03
     there_m: float = 0.04
 
 
@@ -171,6 +174,20 @@ def _drive(now: Moments, stance: Array) -> Array | None:
     return np.clip(way / _LEAD.drive_s, -np.array(_LEAD.drive), _LEAD.drive)
 
 
+def _raised(now: Moments, goal: Array) -> Array | None:
+    """(7,) the arm's posture for a hand that is told to be lower than over its goal (4, 4), as high as the arm reaches.
+
+    None where it is high enough, or as high as it gets.
+    """
+    T = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
+    T_chest_base = kin.inverse(BODY.chest(now.told_torso[0]))
+    for height_m in np.arange(goal[2, 3] + _LEAD.over_m, T[2, 3] + _LEAD.under_m, -_LEAD.under_m):
+        T[2, 3] = height_m
+        if (arm := BODY.nearest_posture(matmul(T_chest_base, T), SIDE, now.told_arm[0])) is not None:
+            return arm
+    return None
+
+
 def _over(stance: Array, goal: Array, hand: Array, opened: bool) -> Array:
     """(7,) the arm's posture for a hand at (3,): the stance's; from beside it, and once it has opened, above that."""
     if opened or float(norm(goal[:2, 3] - hand[:2])) > _LEAD.beside_m:
@@ -200,16 +217,20 @@ def chunk(
     hand, goal = now.hands_in_world[0, :3, 3], hand_at(stance)[0]
     away_m = norm(points[:TARGET_POINTS].mean(0) - hand)
     near, led = away_m < _NEAR_M, before and opens
-    there = norm(goal[:3, 3] - hand) < _LEAD.there_m
+    to_goal_m = norm(goal[:3, 3] - hand)
+    there = to_goal_m < _LEAD.there_m
     drive = _drive(now, stance) if led else None
     opened = opens and now.told_grip[0] > _OPENED
-    over = _over(stance, goal, hand, opened) if opened or (led and away_m < _LEAD.near_m) else None
+    over = _over(stance, goal, hand, opened) if opened or (led and to_goal_m < _LEAD.near_m) else None
     ways = matmul(_BETWEEN, way)
     torso = now.told_torso + ways[:, WAYPOINT["torso"]]
-    if near and before:  # the actor seldom bends once the arm is out, even where the arm is too short
+    if before and (near or (led and drive is None)):  # the actor seldom bends, even where the arm is too short
         torso[:, :3] = now.told_torso[:, :3] + _within_steps(stance[0, 3:6] - now.told_torso[0, :3], _TORSO_STEP)
     wanted = now.told_arm + ways[:, WAYPOINT["arm"]]
-    if drive is not None:
+    raised = _raised(now, goal) if drive is not None else None
+    if raised is not None:
+        drive, wanted = np.zeros(3), now.told_arm + _within_steps(raised - now.told_arm[0], _LEAD.arm_rad)
+    elif drive is not None:
         wanted = np.repeat(now.told_arm, CHUNK, 0)
     elif over is not None:
         wanted = now.told_arm + _within_steps(over - now.told_arm[0], _LEAD.arm_rad)

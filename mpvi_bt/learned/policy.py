@@ -33,6 +33,7 @@ _OPENING = 15  # steps
 _CLOSED = -0.9  # a gripper's command, of -1 to 1, that means closed
 _STUCK_CHUNKS = 10  # without a move: 3 s
 _STUCK_M = 0.02  # what has moved less has not moved
+_SHOWN_CHUNKS = 40  # that nobody says it is complete: 12 s, in which a checker that is asked every 10 s is asked
 _DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, so far from where it closed or let go
 
 
@@ -190,7 +191,7 @@ class LearnedPolicy:
             side for side in SIDES if not self._felt.holds(side) and (said not in SIDES or side == said)
         ]
         if not free:
-            self.note = f"hands_full: no hand is free for the {call.arguments[MOTIONS[call.motion].slot]}"
+            self.note = f"{NO_SKILL}: to set down what is in the hand"
             return None
         if len(free) < 2:
             return free[0]
@@ -222,6 +223,8 @@ class LearnedPolicy:
             done = done + 1 if away and self.progress >= _DONE else 0
             self.ended = done >= _DONE_CHUNKS
             self.note = "done" if self.ended else said
+            if done >= _DONE_CHUNKS + _SHOWN_CHUNKS:
+                return
             if self.ended:
                 yield hand.still(CHUNK)
                 continue
