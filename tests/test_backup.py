@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from mpvi_bt.choices.backends import choose, pair
-from mpvi_bt.choices.policies import PolicyInputs, make_policy
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.policies import PolicyInputs, check_policy_choice, make_policy
 from mpvi_bt.errors import UserError
 from mpvi_bt.manipulation.policies.backup import WithBackup
 from mpvi_bt.plan.skills import load_skills
+from tests.test_frames import AT_REST
 
 SKILLS = load_skills()
 
@@ -40,7 +42,7 @@ class Doer:
 
 def play(policy, prompt, chunks=20):
     for _ in range(chunks):
-        policy.infer({"prompt": prompt, "proprioception": None, "images": {}})
+        policy.infer({"prompt": prompt, "proprioception": AT_REST, "images": {}})
 
 
 def test_each_clause_is_done_by_the_first_policy_that_has_a_skill_for_it():
@@ -53,6 +55,17 @@ def test_each_clause_is_done_by_the_first_policy_that_has_a_skill_for_it():
     assert both.prompts == {"a": 1, "b": 2}
     assert both.ended
     assert not both.gave_up
+
+
+def test_the_first_policy_may_be_held_to_some_skills():
+    """What it could do besides is left to the second one, a prompt's clauses in order; it is never asked."""
+    first, second = Doer("a", "pick", "put"), Doer("b", "put")
+    both = WithBackup(first, second, SKILLS, only=("pick",))
+    play(both, "pick up the can, then put the can in the bin")
+    play(both, "put the can on the table")
+    assert first.did == ["pick up the can"]
+    assert second.did == ["put the can in the bin", "put the can on the table"]
+    assert both.prompts == {"a": 1, "b": 2}
 
 
 def test_what_neither_can_do_is_given_up():
@@ -74,11 +87,37 @@ def test_every_action_is_counted_for_the_policy_that_gave_it():
 @pytest.mark.parametrize(
     ("given", "both"),
     [("learned+reactive", ("learned", "reactive")), ("learned+openpi:ws://h:1/a+b", ("learned", "openpi:ws://h:1/a+b")),
-     ("learned:my.npz+reactive", ("learned:my.npz", "reactive")), ("openpi:ws://h/a+b", None), ("reactive", None)],
+     ("learned:my.npz+reactive", ("learned:my.npz", "reactive")),
+     ("learned[pick]+reactive", ("learned[pick]", "reactive")),
+     ("openpi:ws://[::1]:8000[pick, open]+reactive", ("openpi:ws://[::1]:8000[pick, open]", "reactive")),
+     ("openpi:ws://[::1]+reactive", ("openpi:ws://[::1]", "reactive")),
+     ("openpi:ws://h/a+b", None), ("reactive", None)],
 )  # fmt: skip
 def test_a_plus_joins_two_policies_unless_it_is_of_an_address(given, both):
     """An address may have a plus of its own."""
     assert pair(given) == both
+
+
+def test_skills_stand_in_brackets_behind_the_first_policy():
+    """Both policies are chosen as without them; an IPv6 address is no list of skills."""
+    choice = choose("policy", "openpi:ws://[::1]:8000[pick, open]+reactive")
+    assert choice.only == ("pick", "open")
+    assert choice.both is not None
+    assert choice.both[0].address == "ws://[::1]:8000"
+    assert choose("policy", "openpi:ws://[::1]+reactive").only is None
+
+
+@pytest.mark.parametrize("given", ["learned[pick]", "learned+reactive[pick]", "openpi:ws://h:1[pick]"])
+def test_skills_without_anyone_for_the_others_are_refused(given):
+    """Nobody would do what the first policy is not to do."""
+    with pytest.raises(UserError, match="nobody does the other skills"):
+        choose("policy", given)
+
+
+def test_an_unknown_skill_in_brackets_is_refused_before_the_episode():
+    """With the nearest one that there is."""
+    with pytest.raises(UserError, match="pick"):
+        check_policy_choice(EpisodeConfig(task="picking_up_trash", policy="learned[pik]+reactive"))
 
 
 def test_the_pair_is_privileged_and_sees_as_either_of_the_two():

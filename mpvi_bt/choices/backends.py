@@ -8,6 +8,7 @@ A backend is chosen as `name`, as `name:address` where it has an address, or as 
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -46,6 +47,7 @@ class Backend:
         return f"{name}[:{self.address}]" if self.optional else f"{name}:{self.address}"
 
 
+_SKILLS = re.compile(r"(?P<policy>.+)\[(?P<skills>[\w, ]*)\]", re.DOTALL)  # an address in brackets has colons
 NOBODY = "none"  # plans: the policy is told the whole instruction
 
 BACKENDS: Mapping[str, Mapping[str, Backend]] = {
@@ -159,6 +161,7 @@ class Choice:
         backend: What is known of it.
         part: Of another package, or None.
         both: The policies of a pair, whose second does what the first has no skill for; None of a single backend.
+        only: Skills that the first policy of a pair is to use; None: all that it has.
     """
 
     kind: str
@@ -168,6 +171,7 @@ class Choice:
     backend: Backend
     part: PluginPart | None = None
     both: tuple[Choice, Choice] | None = None
+    only: tuple[str, ...] | None = None
 
     def make(self, **offered: Any) -> Any:
         """The backend itself. A part of another package gets only what `OFFERED` has for its kind.
@@ -194,16 +198,24 @@ class Choice:
 
 
 def pair(given: str) -> tuple[str, str] | None:
-    """Both policies of a choice such as "learned+reactive"; None of a single one.
+    """Both policies of a choice such as "learned+reactive" or "learned[pick]+reactive"; None of a single one.
 
     Addresses may have a plus of their own: after one, only a plus before the name of a policy joins two.
     """
     known = BACKENDS["policy"]
     for k, letter in enumerate(given):
         first, second = given[:k], given[k + 1 :]
-        if letter == "+" and name_of(first) in known and (":" not in first or name_of(second) in known):
+        name = name_of(_limited(first)[0])
+        if letter == "+" and name in known and (":" not in first or name_of(second) in known):
             return first, second
     return None
+
+
+def _limited(given: str) -> tuple[str, tuple[str, ...] | None]:
+    """A policy without the skills in brackets behind it, and these; None of one without."""
+    if (found := _SKILLS.fullmatch(given)) is None:
+        return given, None
+    return found["policy"], tuple(name.strip() for name in found["skills"].split(","))
 
 
 def name_of(given: str) -> str:
@@ -214,17 +226,23 @@ def name_of(given: str) -> str:
 def choose(kind: str, given: str) -> Choice:
     """The backend that is chosen by name, by name and address, or by import path; of policies two, joined by "+".
 
+    Behind the first of two policies, in brackets, may be the skills that it is to use: "learned[pick]+reactive".
+
     Raises:
         UnknownName: There is none of that name.
-        UserError: An address where there is none, or none where there must be one.
+        UserError: An address where there is none, or none where there must be one; skills behind no first policy.
     """
     if kind == "policy" and (both := pair(given)) is not None:
-        first, second = (choose(kind, one) for one in both)
+        alone, only = _limited(both[0])
+        first, second = choose(kind, alone), choose(kind, both[1])
         reads = first.backend.privileged or second.backend.privileged
         sees = first.backend.sees or second.backend.sees
-        backend = Backend(f"{both[0]}; {both[1]} does what it has no skill for", reads, sees=sees)
-        return Choice(kind, given, given, "", backend, both=(first, second))
+        rest = "what it has no skill for" if only is None else "all other skills"
+        backend = Backend(f"{both[0]}; {both[1]} does {rest}", reads, sees=sees)
+        return Choice(kind, given, given, "", backend, both=(first, second), only=only)
     known = BACKENDS[kind]
+    if kind == "policy" and (alone := _limited(given)[0]) != given and name_of(alone) in known:
+        raise UserError(f"policy {given[:80]}: nobody does the other skills; say who, such as {given[:80]}+reactive.")
     name, _, address = given.partition(":")
     if name not in known:
         if (part := find(kind, given, known)) is not None:

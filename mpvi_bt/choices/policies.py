@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mpvi_bt.choices.backends import Choice, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.lateness import draws_seed, latency_of
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import Policy
@@ -76,7 +76,7 @@ def make_policy(given: str, ground: PolicyInputs, settings: str | None = None) -
     """
     choice = choose("policy", given)
     if choice.both is not None:
-        return _with_backup(*choice.both, ground, settings)
+        return _with_backup(*choice.both, choice.only, ground, settings)
     if settings is not None and not choice.backend.address:
         raise UserError(
             f"policy {choice.name} has no settings: --policy-settings is of policies that are somewhere else."
@@ -163,11 +163,16 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     """Refuse a choice of policy that cannot work, without a simulator or a connection.
 
     Raises:
+        UnknownName: Of a skill that a policy is to use.
         UserError: As `make_policy`; or two ways to carry out chunks.
     """
     from mpvi_bt.instances.tasks import load_task
+    from mpvi_bt.plan.skills import load_skills
 
     choice = choose("policy", config.policy)
+    for name in choice.only or ():
+        if name not in (known := load_skills()):
+            raise UnknownName("skill", name, known)
     if config.policy_horizon is not None and config.policy_ensemble is not None:
         raise UserError("--policy-horizon and --policy-ensemble are two ways to carry out chunks: give one of them.")
     addressed = any(one.backend.address for one in choice.both or [choice])
@@ -202,14 +207,18 @@ def learned(ground: PolicyInputs, address: str) -> Policy:
     return LearnedPolicy(ground.skills, detector, ground.seed, Path(address) if address else WEIGHTS)
 
 
-def _with_backup(first: Choice, second: Choice, ground: PolicyInputs, settings: str | None) -> Policy:
-    """Two policies; the settings are of the second one, which alone may be somewhere else."""
+def _with_backup(
+    first: Choice, second: Choice, only: Sequence[str] | None, ground: PolicyInputs, settings: str | None
+) -> Policy:
+    """Two policies, the first of some skills `only`; the settings are of the second one."""
     from mpvi_bt.manipulation.policies.backup import WithBackup
 
     if first == second:
         raise UserError(f"policy {first.given}+{second.given}: a policy cannot stand behind itself.")
     prompted = replace(ground, demonstrations=None)
-    made = WithBackup(make_policy(first.given, prompted), make_policy(second.given, prompted, settings), ground.skills)
+    made = WithBackup(
+        make_policy(first.given, prompted), make_policy(second.given, prompted, settings), ground.skills, only
+    )
     return _demonstrated(made, ground)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from mpvi_bt.action_chunk import ask
-from mpvi_bt.plan.clauses import clauses
+from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import NO_SKILL, Policy
+from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.solids import Array
 
 
@@ -17,7 +18,8 @@ class WithBackup:
     """`mpvi_bt.protocols.Policy` of two.
 
     The first one is told the whole prompt. Where it says `NO_SKILL`, it is told one clause after the other, and the
-    second one those that it has no skill for; the next clause comes once the one at work has `ended`.
+    second one those that it has no skill for; the next clause comes once the one at work has `ended`. Where the first
+    one is to use some of its skills only, it is not asked about the others.
 
     Attributes:
         name: Both names, joined by "+".
@@ -26,9 +28,17 @@ class WithBackup:
         steps: How many actions each of them gave.
     """
 
-    def __init__(self, first: Policy, second: Policy, skills: Mapping[str, Skill]) -> None:
-        """Take the two, which do not have the same name, and the skills that tell clauses apart."""
-        self._first, self._second, self._skills = first, second, skills
+    def __init__(
+        self, first: Policy, second: Policy, skills: Mapping[str, Skill], only: Collection[str] | None = None
+    ) -> None:
+        """Take the two, which do not have the same name.
+
+        Args:
+            first, second: The policies.
+            skills: By name; they tell clauses apart.
+            only: Names of those that the first one is to use; None: all that it has.
+        """
+        self._first, self._second, self._skills, self._only = first, second, skills, only
         self.name = f"{first.name}+{second.name}"
         self.prompts: Counter[str] = Counter()
         self.steps: Counter[str] = Counter()
@@ -89,8 +99,11 @@ class WithBackup:
             self._tell(self._first, self._prompt)
         elif self._left and self._done:
             self._tell(self._first, self._left.pop(0))
-        chunk = ask(self._at, {**observation, "prompt": self._told})
-        if self._refused():
+        if barred := self._barred():
+            chunk = Motion(observation["proprioception"]).still()[None]
+        else:
+            chunk = ask(self._at, {**observation, "prompt": self._told})
+        if barred or self._refused():
             self._pass_on()
             chunk = chunk[:1]  # the cameras of the next one at work come with the next observation
         self.steps[self._at.name] += len(chunk)
@@ -100,6 +113,13 @@ class WithBackup:
         policy.reset()
         self._at, self._told = policy, prompt
         self.prompts[policy.name] += 1
+
+    def _barred(self) -> bool:
+        """Whether the first one is at work and not to use a skill that it was told to."""
+        if self._only is None or self._at is not self._first:
+            return False
+        calls = [match(clause, self._skills) for clause in clauses(self._told, self._skills)]
+        return any(call is None or call.skill.name not in self._only for call in calls)
 
     def _refused(self) -> bool:
         """Whether the first one is at work and says that it has no skill for what it was told."""
