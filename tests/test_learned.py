@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,9 +18,9 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.learned import mirroring
 from mpvi_bt.learned.acting import chunk
 from mpvi_bt.learned.demonstration import Demonstration
-from mpvi_bt.learned.features import TargetFrame, bases, hand_at
+from mpvi_bt.learned.features import WAYPOINT, WAYPOINT_SIZE, WAYPOINTS, TargetFrame, bases, hand_at
 from mpvi_bt.learned.learned_hand import LearnedHand
-from mpvi_bt.learned.network import Weights
+from mpvi_bt.learned.network import Networks, Weights
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
 from mpvi_bt.perception.segmentation import SegmentationDetector
@@ -259,24 +261,46 @@ def test_the_hand_that_holds_the_payload_puts_it_down(tmp_path: Path):
     weights = Weights.load(WEIGHTS)
     replace(weights, skills={"place_next_to": weights.skills["pick"]}).save(tmp_path / "w.npz")
     hands = policy(weights=tmp_path / "w.npz")
+    rows = list(itertools.islice(placing(hands), 20))
+    assert all(np.allclose(row[:, 7:14], rows[0][0, 7:14]) for row in rows)
+    assert hands.note == "place_next_to can, right hand"
+    assert np.abs(rows[-1][-1] - rows[0][0])[15:22].max() > 0
+
+
+def test_a_hand_that_rests_at_its_pose_opens(tmp_path: Path):
+    """Also where the actor never thinks of it; else it would hold the payload there until the time is over."""
+    weights = Weights.load(WEIGHTS)
+    networks = dict(weights.skills["pick"].weights)
+    last = max((n for n in networks if re.match(r"actor\.trunk\.\d+\.bias", n)), key=lambda n: int(n.split(".")[2]))
+    bias = networks[last].copy()
+    bias[:-1].reshape(WAYPOINTS, WAYPOINT_SIZE)[:, WAYPOINT["grip"]] = -100.0
+    skills = {"place_next_to": Networks({**networks, last: bias})}
+    replace(weights, skills=skills).save(tmp_path / "w.npz")
+    chunks = itertools.islice(placing(policy(weights=tmp_path / "w.npz")), 90)
+    told = [float(rows[-1, ActionLayout.GRIPPER["right"]]) for rows in chunks]
+    assert told[:10] == [-1.0] * 10
+    assert max(told) == 1.0
+
+
+def placing(hands):
+    """Every chunk of a policy whose right hand holds a cup and is to put it next to a can before the robot."""
     labels = np.zeros((24, 32), np.int32)
     labels[10:14, 14:18] = 1
     T_world_camera = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.8], [0, 0, 0, 1.0]])
     image = replace(picture(labels, depth=0.9), T_world_camera=T_world_camera)
-    robot, first = KinematicRobot(), None
-    for _ in range(20):
+    robot, grip = KinematicRobot(), -1.0
+    while True:
         seen = observed("put the cup next to the can", {"head": image}, robot)
         felt = replace(
             seen["proprioception"],
-            gripper_width={"left": 0.1, "right": 0.05}, gripper_command={"left": 1.0, "right": -1.0},
+            gripper_width={"left": 0.1, "right": max(0.05, (grip + 1) / 2 * 0.1)},
+            gripper_command={"left": 1.0, "right": grip},
         )  # fmt: skip
         rows = hands.infer({**seen, "proprioception": felt})
-        first = rows[0] if first is None else first
-        assert np.allclose(rows[:, 7:14], first[7:14])
+        yield rows
         for action in rows:
             robot.advance(action)
-    assert hands.note == "place_next_to can, right hand"
-    assert np.abs(rows[-1] - first)[15:22].max() > 0
+        grip = float(rows[-1, ActionLayout.GRIPPER["right"]])
 
 
 @given(st.floats(-1.0, 1.0), st.floats(0.1, 0.5))

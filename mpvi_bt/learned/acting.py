@@ -134,6 +134,11 @@ def ahead(now: Moments, stance: Array) -> Array:
     return on_way
 
 
+def there(stance: Array, hand: Array) -> bool:
+    """Whether a hand at (3,) in the world may open: it is at the stance's pose."""
+    return bool(norm(hand_at(stance)[0, :3, 3] - hand) < _LEAD.there_m)
+
+
 def reached(stance: Array, hand: Array) -> Array | None:
     """(14,) the stance with the nearest posture of the arm that brings the hand to (4, 4) in the world, or None."""
     T_chest = matmul(kin.base(stance[:3]), BODY.chest(stance[3:7]))
@@ -218,7 +223,6 @@ def chunk(
     away_m = norm(points[:TARGET_POINTS].mean(0) - hand)
     near, led = away_m < _NEAR_M, before and opens
     to_goal_m = norm(goal[:3, 3] - hand)
-    there = to_goal_m < _LEAD.there_m
     drive = _drive(now, stance) if led else None
     opened = opens and now.told_grip[0] > _OPENED
     over = _over(stance, goal, hand, opened) if opened or (led and to_goal_m < _LEAD.near_m) else None
@@ -237,10 +241,10 @@ def chunk(
     elif near:
         wanted = _with_hand(now, torso, ways, wanted)
     base = _speeds(way[:1], ways) if drive is None else np.repeat(drive[None], CHUNK, 0)
-    steps, arm = [], now.told_arm[0]
+    free, steps, arm = not led or there(stance, hand), list[Step](), now.told_arm[0]
     for k in range(CHUNK):
         arm = arm + np.clip(wanted[k] - arm, -_TOP_ARM_RAD, _TOP_ARM_RAD)
-        grip = float(np.clip(ways[k, WAYPOINT["grip"]][0], -1, 1)) if there or not led else now.told_grip[0]
+        grip = float(np.clip(ways[k, WAYPOINT["grip"]][0], -1, 1)) if free else now.told_grip[0]
         steps.append((base[k], torso[k], arm, grip))
     return steps, progress
 

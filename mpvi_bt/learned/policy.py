@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.errors import shown
-from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased
+from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased, there
 from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
 from mpvi_bt.learned.learned_hand import LearnedHand
 from mpvi_bt.learned.learned_motions import MOTIONS, LearnedMotion
@@ -244,6 +244,9 @@ class LearnedPolicy:
                 self._looked(memory, motion)
             points = hand.points(memory.sample())
             if self._recovery.tries and rest.stuck(at) and closed == motion.opens:
+                if stance is not None and motion.opens and there(stance, at):  # and it does not open
+                    yield hand.still(_OPENING, 1.0)
+                    continue
                 stance, tries = None, tries + 1
             if stance is None:
                 self.attempts += 1
