@@ -163,6 +163,20 @@ def test_the_travel_posture_is_within_its_radius() -> None:
         assert all(robot.free(s, r1.TRAVEL_ARM[s])[0] for s in SIDES)
 
 
+@pytest.mark.parametrize("lift", [0.1, 0.3, 0.55])
+def test_an_arm_keeps_clear_of_the_carriage_wherever_the_lift_is(lift: float) -> None:
+    """No posture in which the forearm or the hand is within what rides on the column counts as free of the robot."""
+    torso = np.array([lift, 0.0, 0.0, 0.0])
+    carriage = Surroundings([box((-0.10, 0.0, r1.WAIST_M + lift - 0.03), (0.12, 0.16, 0.10))])  # as of the URDF
+    q = np.random.default_rng(0).uniform(LEFT_LOW, LEFT_HIGH, (20_000, 7))
+    body = Body(R1, torso, {"left": r1.TRAVEL_ARM["left"]})
+    centers, radii = body.spheres("left", q)
+    beyond = R1.hull.frame > 0
+    within = (carriage.distance(centers) < radii)[:, beyond].any(1)
+    assert within.any()
+    assert not body.free("left", q[within]).any()
+
+
 @settings(deadline=None)
 @given(seeds)
 def test_mirrored_robots_are_as_free(seed: int) -> None:

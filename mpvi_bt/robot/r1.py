@@ -106,6 +106,7 @@ _HULL = Hull(
     boxes=np.array([(-0.04, 0, 0.21, 0.07, 0.11, 0.14), (-0.01, 0, 0.51, 0.06, 0.09, 0.06)]),
     boxes_from=np.array([1, 2]),
     columns=np.array([(-0.10, 0, 0.40, 0.06, 0.08, 0.20)]),
+    link_boxes=np.array([(-0.10, 0, -0.03, 0.06, 0.08, 0.05)]),  # the carriage of the lift, as of the URDF
     base=np.array([BASE_RADIUS_M, 0.26]),
     fold_m=0.09,
     trunk=np.array([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 0.25, 0.10),

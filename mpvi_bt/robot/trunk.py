@@ -48,7 +48,7 @@ class Trunk(Protocol):
         ...
 
     def links(self, joints: Array) -> Array:
-        """T_base_link (F, 4, 4), at joints (4,), of the parts between base and chest that bend; F may be 0."""
+        """T_base_link (F, 4, 4), at joints (4,), of the parts between base and chest that move."""
         ...
 
 
@@ -94,8 +94,8 @@ class LiftTrunk:
         return T
 
     def links(self, joints: Array) -> Array:
-        """None: a column does not bend."""
-        return np.zeros((0, 4, 4))
+        """One: what rides on the column, below what turns."""
+        return kin.transform(np.eye(3), self.waist + [0.0, 0.0, float(joints[0])])[None]
 
 
 @dataclass(frozen=True, eq=False)
