@@ -27,10 +27,27 @@ def test_a_hand_that_comes_to_hold_something_presses_all_the_same() -> None:
         return float(norm((work.hand("left") - world.switches("sprayer")[0])[:3, 3]))
 
     assert away_m() > 0.2
-    for action in press_held(work, "right", [option.waypoints for option in options(work, "sprayer")]):
+    for action in press_held(work, "right", options(work, "sprayer")):
         known = True
         world.step(action)
         work.motion.felt = world.robot.proprioception()
         if away_m() < 0.1:
             break
     assert away_m() < 0.1
+
+
+def test_a_switch_is_pressed_straight_on_where_the_hands_can_meet_so() -> None:
+    """The fingers come onto the button of a lighter along its normal: a slanting push turns it in the hand."""
+    world = small_world({"lighter": placed("cigar_lighter", 2.0, 0.0)})
+    put_in_hands(world, {"right": "lighter"})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    scene, turned, on, lean = work.scene, 0, False, 1.0
+    for action in press_held(work, "right", options(work, "lighter")):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+        if scene.is_on("lighter") != on:
+            turned, on = turned + 1, not on
+            ways = [-float(T[:3, 2] @ work.hand("left")[:3, 2]) for T in world.switches("lighter")]
+            lean = float(np.arccos(max(ways)))
+    assert turned == 1
+    assert lean < 0.1

@@ -105,7 +105,7 @@ def light(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 
 def _press(work: Work, side: Side, tool: str) -> Actions:
-    yield from press_held(work, side, [option.waypoints for option in switch_options(work, tool)], fold=False)
+    yield from press_held(work, side, switch_options(work, tool), fold=False)
 
 
 def _aims(work: Work, held: Held, target: str) -> Iterator[Option]:

@@ -71,7 +71,7 @@ def press(work: Work, words: Words, tried: list[Array]) -> Actions:
     for side in free:
         try:
             if holder is not None:
-                yield from press_held(work, holder, [option.waypoints for option in options(work, name)])
+                yield from press_held(work, holder, options(work, name))
                 break
             yield from _press(work, name, side, tried)
             break

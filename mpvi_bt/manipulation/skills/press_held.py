@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.motion.approach import FEEL
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.hold_out import LOOKED_AT, THING, meet
 from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.stance.stance import Option
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
@@ -22,13 +23,13 @@ from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
 
-def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -> Actions:
+def press_held(work: Work, holder: Side, ways: Sequence[Option], fold: bool = True) -> Actions:
     """Press with the hand that is free what a hand holds.
 
     Args:
         work: Robot and world.
         holder: The hand that holds it.
-        ways: (2, 4, 4) T_world_tcp each: of the free hand before the switch, and on it.
+        ways: Of the free hand: before the switch, and on it.
         fold: Whether both arms fold afterwards; else only the one that pressed comes away.
 
     Raises:
@@ -37,20 +38,41 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
     motion, comer = work.motion, other(holder)
     if work.scene.holding(comer) is not None:
         raise MotionFailure("hands_full")
-    if not ways:
-        raise MotionFailure("no_switch")
     yield from motion.grip(comer, -1.0, GRIP.empty_s)
-    goals = matmul(kin.inverse(work.hand(holder)), np.stack(ways))
-    k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, comer, goals[:, 1]))
+    way = yield from _straightest(work, holder, ways)
     yield from motion.wait(FEEL.calm_s)
     # Arms give way under a load; what counts is where the thing is now.
-    T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), goals[k])
+    T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), way)
     yield from motion.line(comer, T[1], FEEL.speed_m_s, until_contact=True)
     yield from motion.wait(FEEL.pressed_s)
     yield from motion.line(comer, T[0], FEEL.back_m_s)
     yield from motion.grip(comer, 1.0, GRIP.empty_s)
     if fold:
         yield from settle(work, without=set())
+
+
+def _straightest(work: Work, holder: Side, ways: Sequence[Option]) -> Generator[Array, None, Array]:
+    """Bring the hands together for the cheapest of some ways: a slanting push turns the thing in its holder's hand.
+
+    Returns:
+        (2, 4, 4) T_holder_tcp of the way that was taken, the free hand being where it begins.
+
+    Raises:
+        MotionFailure: As `meet`.
+    """
+    still = [way for way in ways if not way.run_up_m]
+    costs = sorted({way.cost for way in still})
+    for cost in costs:
+        some = np.stack([way.waypoints for way in still if way.cost == cost])
+        goals = matmul(kin.inverse(work.hand(holder)), some)
+        try:
+            k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, other(holder), goals[:, 1]))
+        except MotionFailure as failure:
+            if failure.reason != "no_release" or cost == costs[-1]:
+                raise
+        else:
+            return np.asarray(goals[k])
+    raise MotionFailure("no_switch")
 
 
 def _in_line(
