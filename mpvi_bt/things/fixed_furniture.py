@@ -217,13 +217,12 @@ def stove(*, size_m: Size, color: Rgb, burner_color: Rgb = _DARK) -> Description
     return parts.thing(switches=(switch((x / 2 - 0.03, -0.05, z + 0.012), "z"),))
 
 
-def fireplace(*, size_m: Size, color: Rgb, mantel_color: Rgb, hearth_m: Size) -> Description:
-    """A chimney breast with an open hearth and a mantel shelf."""
+def fireplace(*, size_m: Size, color: Rgb, mantel_color: Rgb, hearth_m: Size, hearth_z_m: Length = 0.08) -> Description:
+    """A chimney breast with an open hearth, `hearth_z_m` above the floor, and a mantel shelf."""
     parts = PartsOfBody()
     x, y, z = size_m
     hx, hy, hz = hearth_m
-    side = (y - hy) / 2
-    floor = 0.08
+    side, floor = (y - hy) / 2, hearth_z_m
     for sign in (-1, 1):
         parts.box((0, sign * (hy + side) / 2, z / 2), (x, side, z), color)
     parts.box((0, 0, (floor + hz + z) / 2), (x, hy, z - floor - hz), color)
