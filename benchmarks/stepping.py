@@ -7,14 +7,15 @@ physics steps a control step, and nothing else. The two alternate within one run
 both. For the second the robot drives through the house; planning and following are timed against stepping the world,
 step by step in turn. A first round, which loads what is compiled, does not count. Then it searches the house for
 things, with a map and without: what looking, mapping and planning add, what rendering adds, and how many pictures a
-second of wall time that makes. Last, at the start of a task with few rules and of one with many, the robot rests: what
-the rules of heat, blades, switches and marks cost beside physics that has nothing to do.
+second of wall time that makes. Last, at the start of tasks with few rules and with many, the robot rests or turns: what
+the rules of heat, blades and marks add, with and without them in turn.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,7 +34,15 @@ from mpvi_bt.things.catalogue import load_catalogue
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
 DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")
 SEARCHES = (20, 22, 24)  # seeds; any do but those of the final table
-RESTING = ("picking_up_trash", "make_pizza")
+# Tasks, and what is on in them: without heat and marks; marks, blades and what may become; heat at work.
+RULED: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("picking_up_trash", ()),
+    ("assembling_gift_baskets", ()),
+    ("clean_a_patio", ()),
+    ("wash_dog_toys", ("washer_1",)),
+    ("make_pizza", ("oven_1",)),
+    ("setting_the_fire", ("cigar_lighter.n.01_1",)),
+)
 
 
 def main() -> None:
@@ -49,8 +58,9 @@ def main() -> None:
     play(Job(SEARCHES[0]))
     for given in ("prior", "online"):
         searching(given)
-    for name in RESTING:
-        resting(name)
+    for name, on in RULED:
+        for turning_rad_s in (0.0, 0.4):
+            ruled(name, on, turning_rad_s)
 
 
 def against_bare(world: World) -> None:
@@ -115,19 +125,36 @@ def searching(given: str) -> None:
     print(f"  navigation for each picture                      {1e3 * total['navigation'] / pictures:6.2f} ms")
 
 
-def resting(name: str) -> None:
-    """What a control step costs at the start of a task, nothing moving."""
+def ruled(name: str, on: Sequence[str], turning_rad_s: float) -> None:
+    """What rules add to a control step at the start of a task, in turn with and without all of them but switches.
+
+    Args:
+        name: The task.
+        on: What is switched on.
+        turning_rad_s: The base turns to and fro at this rate; at 0 nothing moves, and physics has least to do.
+    """
     task = load_task(name)
     house = load_house(task.house)
     world, _ = begin(task, house, load_catalogue(), expanded_problem(task, house), 0, render=False)
-    action = world.robot.action
-    costs = []
-    for _ in range(ROUNDS):
-        started = time.perf_counter()
-        for _ in range(STEPS):
-            world.step(action)
-        costs.append((time.perf_counter() - started) / STEPS)
-    print(f"resting at the start of {name:18}        {1e3 * statistics.median(costs):8.2f} ms a step")
+    for switched in on:
+        world.turn(switched, on=True)
+    action, rules = world.robot.action, world.stepped
+
+    def switches() -> None:
+        world._switches.step(world.robot.hands_world(), world.robot.fingertips_world)
+
+    costs: dict[bool, list[float]] = {True: [], False: []}
+    for round_ in range(ROUNDS):
+        for all_of_them in (True, False):
+            world.stepped = rules if all_of_them else switches  # type: ignore[method-assign]
+            action[ActionLayout.BASE] = (0.0, 0.0, turning_rad_s * (1 if (round_ + all_of_them) % 2 else -1))
+            started = time.process_time()
+            for _ in range(STEPS):
+                world.step(action)
+            costs[all_of_them].append((time.process_time() - started) / STEPS)
+    ratio = statistics.median(a / b for a, b in zip(costs[True], costs[False], strict=True))
+    label = f"{'turning' if turning_rad_s else 'resting'}, {name}" + "".join(f", {switched} on" for switched in on)
+    print(f"{label:60} {1e3 * statistics.median(costs[True]):6.2f} ms a step, {ratio:5.3f} of that without rules")
 
 
 if __name__ == "__main__":
