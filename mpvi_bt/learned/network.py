@@ -176,7 +176,7 @@ class Weights:
 def _read(kept: Mapping[str, Array], skill: str, path: Path) -> dict[str, Array]:
     weights = {}
     for name, shape in _SHAPES.items():
-        array = np.asarray(kept[f"{skill}/{name}"], float)
+        array = np.ascontiguousarray(kept[f"{skill}/{name}"], float)  # rows, which products go along
         if array.shape != shape or not np.isfinite(array).all():
             raise UserError(f"{path}: {skill}/{name} is {array.shape}, not {shape} finite numbers.")
         weights[name] = array
