@@ -10,9 +10,9 @@ SHEET = np.array([[1.0, 1.0, 0.0], [1.4, 1.6, 0.02]])
 def test_a_sheet_on_the_floor_bars_the_floor_until_it_is_taken_up() -> None:
     """It looks like floor: a second one was laid on top of it. What lies on a table bars no floor."""
     deeds, places = Deeds(), np.array([[1.2, 1.3], [1.6, 1.3], [1.8, 1.3]])
-    deeds.lay("book", SHEET + [0.0, 0.0, 0.7])
+    deeds.put_down("left", "book", SHEET + [0.0, 0.0, 0.7], dropped=False)
     assert not deeds.covered(places, 0.3).any()
-    deeds.lay("sheet", SHEET)
+    deeds.put_down("both", "sheet", SHEET, dropped=False)
     assert deeds.covered(places, 0.3).tolist() == [True, True, False]
     assert deeds.is_laid("sheet", SHEET.mean(0))
     deeds.take_up("sheet", SHEET.mean(0) + [0.03, 0.0, 0.0])

@@ -528,6 +528,7 @@ def test_a_hand_that_closes_on_nothing_takes_nothing() -> None:
     """Fingers that are still on their way have not met anything, however near a thing is."""
     scene = Setup()
     scene.known.put(can_at(tcp(HERE) + [0.0, 0.0, -0.1]))
+    scene.made.feel(body())
     for width in np.linspace(0.09, 0.0, 20):
         scene.made.feel(body(HERE, {"right": float(width)}))
     (entry,) = scene.known

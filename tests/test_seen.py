@@ -17,6 +17,7 @@ from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene import memory
 from mpvi_bt.scene import seen as module
+from mpvi_bt.scene.hands import TOUCH
 from mpvi_bt.scene.occupancy import Occupancy
 from mpvi_bt.scene.seen import Seen
 from mpvi_bt.scene.thing import Thing
@@ -30,6 +31,7 @@ pytestmark = pytest.mark.render
 
 VOCABULARY = {"can_1": ("can of soda",), "can_2": ("can of soda",), "bin": ("trash can",), "table_1": ("table",),
               "egg_0": ("Easter egg",)}  # fmt: skip
+CLOSES = 1 + TOUCH.steady_steps  # steps in which fingers are seen to have met something
 TABLE = "{entry: table, at: [1.0, 0.0]}"
 
 
@@ -241,7 +243,8 @@ def test_what_fingers_close_on_moves_with_the_hand_until_they_open() -> None:
     felt = replace(felt, torso=torso)
     seen.feel(gripping(near, closed=False))
     assert seen.holding("left") is None
-    seen.feel(gripping(near, closed=True))
+    for _ in range(CLOSES):
+        seen.feel(gripping(near, closed=True))
     assert seen.holding("left") == can
     seen.feel(gripping(near + [0.0, 0.3, 0.0], closed=True))
     np.testing.assert_allclose(seen.pose(can)[:2, 3], at[:2] + [0.0, 0.3], atol=0.04)
@@ -344,7 +347,8 @@ def test_a_vessel_that_was_filled_is_laden_when_it_is_taken_up_later() -> None:
             off = np.append(tcp[:2] + felt.base_pose[:2] - begin.base_pose[:2] - box.mean(0)[:2], tcp[2] - box[1, 2])
             off[:2] *= name == egg  # the basket is raised where it stands
             seen._things[name].shape = seen._things[name].shape.moved(kin.transform(np.eye(3), off))
-        seen.feel(felt)
+        for _ in range(CLOSES):
+            seen.feel(replace(felt))
 
     def taken_up(at: Array) -> bool:
         close(at, None)
@@ -386,7 +390,8 @@ def test_what_hands_put_down_is_put_away_also_under_a_later_prompt() -> None:
         command = {**begin.gripper_command, "left": -1.0 if closed else 1.0}
         width = {**begin.gripper_width, "left": 0.06 if closed else 0.1}
         base = begin.base_pose + np.append(at[:2] - tcp[:2], 0.0)
-        seen.feel(replace(begin, base_pose=base, torso=torso, gripper_command=command, gripper_width=width))
+        for _ in range(CLOSES):
+            seen.feel(replace(begin, base_pose=base, torso=torso, gripper_command=command, gripper_width=width))
 
     taken, other = (seen.pose(name)[:3, 3] for name in names(seen, "can of soda"))
     for at, closed in ((taken, False), (taken, True), (other, True), (other, False)):

@@ -72,7 +72,7 @@ class Carrying:
     def adopt(self, entries: Iterable[Entry]) -> None:
         """Let hands that hold something unknown hold what was just found in them; what they left was laid down."""
         found = list(entries)
-        for hand in [hand for hand, grip in self._hands.grips.items() if grip.name is None]:
+        for hand in self._hands.unknown():
             self._take(hand, found)
         for entry in found:
             gaps = [np.abs(p - np.clip(p, entry.lowest, entry.highest))[:2].max() for p in self._left]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.robot.linear_algebra import norm
-from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.hands import Hand
 from mpvi_bt.shapes.shape import Shape
 
 
@@ -40,41 +39,42 @@ class Deeds:
         laden: What was put into the vessel that a hand holds.
     """
 
-    taken: dict[Side, tuple[str, Shape]] = field(default_factory=dict)
-    laden: dict[Side, list[str]] = field(default_factory=dict)
+    taken: dict[Hand, tuple[str, Shape]] = field(default_factory=dict)
+    laden: dict[Hand, list[str]] = field(default_factory=dict)
     _laid: list[tuple[str, Array]] = field(default_factory=list)  # what was put down, and the box (2, 3) about it
     _filled: list[tuple[str, Array]] = field(default_factory=list)  # likewise into a vessel, and that one's place (2,)
 
-    def empty(self, side: Side) -> None:
+    def empty(self, hand: Hand) -> None:
         """A hand holds nothing any more."""
-        self.taken.pop(side, None)
-        self.laden.pop(side, None)
+        self.taken.pop(hand, None)
+        self.laden.pop(hand, None)
 
-    def take(self, side: Side, phrase: str, middle: Array, vessel: bool) -> None:
+    def pass_on(self, giver: Hand, taker: Hand) -> None:
+        """What a hand held is held by another one now, with what was put into it."""
+        if giver in self.laden:
+            self.laden[taker] = self.laden.pop(giver)
+
+    def take(self, hand: Hand, phrase: str, middle: Array, vessel: bool) -> None:
         """A hand has taken what had its middle (3,) there."""
         self.take_up(phrase, middle)
         if vessel and (put := self.put_into(middle)):
-            self.laden[side] = put
+            self.laden[hand] = put
             self._filled = [(what, at) for what, at in self._filled if not _there(at, middle[:2])]
 
     def take_up(self, phrase: str, middle: Array) -> None:
         """What had its middle (3,) there lies there no more."""
         self._laid = [laid for laid in self._laid if laid[0] != phrase or not _there(laid[1].mean(0), middle)]
 
-    def put_down(self, side: Side, phrase: str, box: Array, dropped: bool) -> None:
+    def put_down(self, hand: Hand, phrase: str, box: Array, dropped: bool) -> None:
         """A hand has let go of a thing that is in a box (2, 3) now; `dropped`: it was to hold it still."""
-        self._filled += [(what, box.mean(0)[:2]) for what in self.laden.get(side, ())]
+        self._filled += [(what, box.mean(0)[:2]) for what in self.laden.get(hand, ())]
         if not dropped:
-            self.lay(phrase, box)
+            self._laid.append((phrase, box))
 
-    def lay(self, phrase: str, box: Array) -> None:
-        """A thing was put down, and is in a box (2, 3) there."""
-        self._laid.append((phrase, box))
-
-    def fill(self, phrase: str, middle: Array, holders: Iterable[Side]) -> None:
-        """Something was put into a vessel with its middle (3,) there, which some hands hold."""
-        for side in holders:
-            self.laden.setdefault(side, []).append(phrase)
+    def fill(self, phrase: str, middle: Array, holder: Hand | None) -> None:
+        """Something was put into a vessel with its middle (3,) there, which a hand may hold."""
+        if holder is not None:
+            self.laden.setdefault(holder, []).append(phrase)
         self._filled.append((phrase, middle[:2]))
 
     def is_laid(self, phrase: str, middle: Array) -> bool:

@@ -93,6 +93,7 @@ class HandTracker(Generic[Body]):
 
     Attributes:
         grips: What each hand, and both between them, hold.
+        felt: The last control step.
         width: How far the fingers of each hand stood apart in the last step [m],
         steady: and in how many steps, one after the other, they have not moved.
     """
@@ -102,24 +103,29 @@ class HandTracker(Generic[Body]):
         self.grips: dict[Hand, Grip[Body]] = {}
         self.width: dict[Side, float] = {}
         self.steady: dict[Side, int] = dict.fromkeys(SIDES, 0)
-        self._felt: Proprioception | None = None
+        self.felt: Proprioception | None = None
         self._tcp: dict[Side, Array] = {}  # T_world_tcp (4, 4), as felt
 
     def be(self, felt: Proprioception) -> None:
         """Know where the hands are now."""
-        self._felt, self._tcp = felt, {}
+        self.felt, self._tcp = felt, {}
 
     def feel(self, felt: Proprioception) -> Iterator[tuple[Hand, bool]]:
-        """Take in one control step.
+        """Take in one control step; the same one again changes nothing.
 
         Yields:
             Each hand that begins to hold something, with true, or ceases to: `take` and `release` follow.
         """
+        again = felt is self.felt
         self.be(felt)
         for side in felt.sides:
             width, holds = felt.gripper_width[side], felt.holds(side)
-            still = abs(width - self.width.get(side, np.inf)) < TOUCH.steady_m
-            self.steady[side], self.width[side] = self.steady[side] + 1 if still else 0, width
+            if side not in self.width:
+                self.steady[side] = TOUCH.steady_steps  # nothing says that they move
+            elif not again:
+                still = abs(width - self.width[side]) < TOUCH.steady_m
+                self.steady[side] = self.steady[side] + 1 if still else 0
+            self.width[side] = width
             if holds != (side in self.grips) and (not holds or self.steady[side] >= TOUCH.steady_steps):
                 yield side, holds
         if (pressed := squeezes(felt)) != ("both" in self.grips):
@@ -128,9 +134,9 @@ class HandTracker(Generic[Body]):
     def tcp(self, side: Side) -> Array:
         """T_world_tcp (4, 4) of a hand, as felt."""
         if side not in self._tcp:
-            assert self._felt is not None
-            robot, base = robot_named(self._felt.robot), kin.base(self._felt.base_pose)
-            self._tcp[side] = matmul(base, robot.tcp(self._felt.torso, self._felt.arm[side], side))
+            assert self.felt is not None
+            robot, base = robot_named(self.felt.robot), kin.base(self.felt.base_pose)
+            self._tcp[side] = matmul(base, robot.tcp(self.felt.torso, self.felt.arm[side], side))
         return self._tcp[side]
 
     def tcps(self, hand: Hand) -> Array:
@@ -139,10 +145,15 @@ class HandTracker(Generic[Body]):
 
     def take(self, hand: Hand, name: str | None) -> None:
         """Know which thing a hand holds, None: one that nobody knows; `load` says where it is."""
-        for grip in self.grips.values():
-            if name is not None and grip.name != name:
-                grip.loads.pop(name, None)  # it is taken out of what another hand holds
+        if name is not None:
+            self.take_out(name)
         self.grips[hand] = Grip(name)
+
+    def take_out(self, name: str) -> None:
+        """Know a thing to be carried no more in what hands hold."""
+        for grip in self.grips.values():
+            if grip.name != name:
+                grip.loads.pop(name, None)
 
     def load(self, hand: Hand, name: str, body: Body) -> None:
         """Know a thing, which is as `body` says now, to be carried by what a hand does from now on."""
@@ -151,6 +162,18 @@ class HandTracker(Generic[Body]):
     def release(self, hand: Hand) -> Grip[Body]:
         """Know a hand to hold nothing any more. Returns what it held, with what that was when it was taken."""
         return self.grips.pop(hand)
+
+    def held(self, hand: Hand) -> str | None:
+        """The thing that a hand holds; None also of one that nobody knows."""
+        return self.grips[hand].name if hand in self.grips else None
+
+    def unknown(self) -> list[Hand]:
+        """The hands that hold something which nobody knows."""
+        return [hand for hand, grip in self.grips.items() if grip.name is None]
+
+    def names(self) -> set[str]:
+        """All that the hands hold."""
+        return {grip.name for grip in self.grips.values() if grip.name is not None}
 
     def holder(self, name: str) -> Hand | None:
         """The hand that holds a thing; of two the one that took it first."""

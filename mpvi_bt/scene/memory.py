@@ -18,19 +18,18 @@ from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.depth_noise import DEPTH_NOISE
-from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.deeds import Deeds
 from mpvi_bt.scene.frames import SEEN_PX, Frame, take
+from mpvi_bt.scene.hands import TOUCH, Hand, HandTracker
 from mpvi_bt.scene.in_hand import InHand, is_of
 from mpvi_bt.scene.remembered import Remembered
 from mpvi_bt.scene.several_views import fitted
 from mpvi_bt.scene.thing import Thing, apart, is_again, is_part
-from mpvi_bt.scene.touch import BY_SHAPE, tcp
 from mpvi_bt.shapes.fit import fit
 from mpvi_bt.shapes.in_part import as_outside, in_part, shrunk
 from mpvi_bt.shapes.moving_parts import Door, to_and_behind
@@ -101,7 +100,7 @@ class Memory:
         self._detector = detector
         self._remembered = Remembered()
         self._deeds = Deeds()
-        self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._hands = HandTracker[Shape]()
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
@@ -109,19 +108,19 @@ class Memory:
 
         What a hand holds is known again once it is seen there.
         """
-        for side, (name, _) in self._grip.items():
-            shape = self._shape(name).moved(kin.inverse(self._tcp(side)))
-            self._deeds.taken[side] = self._things[name].phrase, shape
+        for side in SIDES:
+            if (name := self._hands.held(side)) is not None:
+                shape = self._shape(name).moved(kin.inverse(self._hands.tcp(side)))
+                self._deeds.taken[side] = self._things[name].phrase, shape
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
         self._things: dict[str, Thing] = {}
         self._count: dict[str, int] = {}
-        self._grip = {}
-        self._shown: dict[Side, InHand] = {}  # what was first seen in a hand
-        self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
+        for hand in self._hands.grips:
+            self._hands.take(hand, None)
+        self._shown: dict[Hand, InHand] = {}  # what was first seen in a hand
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
-        self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
         self._fronts: dict[str, tuple[list[Frame], list[Door]]] = {}  # of furniture, as these pictures show it
         self._bodies: dict[str, tuple[tuple[list[Frame], float], list[Solid]]] = {}  # likewise, seen down to so far
@@ -138,20 +137,11 @@ class Memory:
                 turned = robot_named(felt.robot).base.turn_m * abs(float(kin.wrap(moved[2])))
                 self._way_m += float(np.hypot(*moved[:2])) + turned
             self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
-        self._felt = felt
-        self._feel_hands(felt)
-
-    def _feel_hands(self, felt: Proprioception) -> None:
-        for side in felt.sides:
-            closed, gripped = felt.gripper_command[side] < -0.9, felt.holds(side)
-            if side in self._grip and not gripped:
-                self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)
-            elif closed and gripped and side not in self._grip:
-                self._grasp(side)
-            if not gripped:
-                self._deeds.empty(side)
-        if squeezes(felt) != (self._both is not None):
-            self._press()
+        for hand, holds in self._hands.feel(felt):
+            if holds:
+                self._take(hand)
+            else:
+                self._release(hand)
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """Take in pictures."""
@@ -162,17 +152,17 @@ class Memory:
             self._associate(frame)
             if image.camera == "head":
                 self._remembered.see(frame.image, frame.measured & ~self._loose(frame))
-        before = set(self._grip)
-        self._feel_hands(felt)  # they may hold what has been seen only now
-        for side in [s for s in self._grip if s not in before]:
-            thing = self._things[self._grip[side][0]]
-            if not self._recognize(side, thing):
-                self._shown[side] = InHand(felt.gripper_width[side])
-            for frame, mask in thing.views:
-                self._regard(thing, frame, mask)
-            thing.views = []
+        for hand in self._hands.unknown():  # they may hold what has been seen only now
+            self._take(hand)
+            if hand != "both" and (name := self._hands.held(hand)) is not None:
+                thing = self._things[name]
+                if not self._recognize(hand, thing):
+                    self._shown[hand] = InHand(felt.gripper_width[hand])
+                for frame, mask in thing.views:
+                    self._regard(thing, frame, mask)
+                thing.views = []
         for thing in self._things.values():  # what is seen in a vessel is in it
-            if thing.inside is None and thing.name not in self._held() and thing.shape.kind != "furniture":
+            if thing.inside is None and thing.name not in self._hands.names() and thing.shape.kind != "furniture":
                 vessels = [n for n, t in self._things.items() if t.shape.kind == "vessel" and self._holds(t, thing)]
                 if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
                     self._put(thing, vessel)
@@ -183,16 +173,18 @@ class Memory:
         Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
         """
         phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
-        now = shape.moved(self._tcp(side))
+        now = shape.moved(self._hands.tcp(side))
         points = np.concatenate([np.empty((0, 3)), *(frame.of(mask) for frame, mask in thing.views)])
         if phrase != thing.phrase or shape.kind == "vessel" or not is_of(points, now):
             return False
-        thing.shape, self._grip[side] = now, (thing.name, kin.inverse(self._tcp(side)))
+        thing.shape = now
+        self._hands.load(side, thing.name, now)
         return True
 
     def recognized(self, side: Side) -> bool:
         """Whether what a hand holds is known from when it was taken, and need not be shown from all sides."""
-        return side in self._grip and side in self._deeds.taken and side not in self._shown
+        known = self._hands.held(side) is not None
+        return known and side in self._deeds.taken and side not in self._shown
 
     def _loose(self, frame: Frame) -> NDArray[np.bool_]:
         """(H, W) bool: where a picture shows what was asked for, but for furniture: that stays where it is."""
@@ -206,38 +198,37 @@ class Memory:
         One basket may be known by two phrases of a prompt, as two things in one place: neither is in the other.
         """
         outer, inner = (float(np.prod(np.ptp(self._shape(t.name).box(), axis=0)[:2])) for t in (vessel, thing))
-        return vessel is not thing and outer > BY_SHAPE.outer * inner
+        return vessel is not thing and outer > TOUCH.outer * inner
 
-    def _tcp(self, side: Side) -> Array:
-        assert self._felt is not None
-        return tcp(self._felt, side)
-
-    def _grasp(self, side: Side) -> None:
-        """The hand has closed on something: the nearest thing, which its fingers have brought between them.
-
-        What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
-        """
-        assert self._felt is not None
-        T, width = self._tcp(side), self._felt.gripper_width[side]
-        taken = {n for n, _ in self._grip.values()}
+    def _take(self, hand: Hand) -> None:
+        """A hand has closed on something, or both press something: the nearest thing, if one is known near it."""
+        assert self._hands.felt is not None
+        points, width = self._hands.tcps(hand)[:, :3, 3], self._hands.felt.gripper_width
         near = [
-            (bool(np.ptp(self._shape(n).box(), axis=0).max() < _GRASPING.spans * width), gap, n)
-            for n in self._things
-            if n not in taken
-            and self._things[n].shape.kind != "furniture"
-            and (gap := self._gap(n, T[:3, 3])) < BY_SHAPE.grasped_m
+            (hand != "both" and self._size_m(n) < _GRASPING.spans * width[hand], gap, n)
+            for n, t in self._things.items()
+            if (t.shape.kind != "furniture" or hand == "both")
+            and (gap := max(self._gap(n, p) for p in points)) < TOUCH.reach_m(hand)
         ]
-        if not near:
+        # What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
+        name = min(near)[2] if near else None
+        self._hands.take(hand, name)
+        if name is None:
             return
-        thing = self._things[min(near)[2]]
-        if thing.shape.kind != "vessel":
-            aside = float(bounds(s.moved(kin.inverse(T)) for s in thing.shape.solids).mean(0)[1])
-            if abs(aside) < _GRASPING.recentered_m:
-                thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
-        self._take_along(thing)
-        self._grip[side] = (thing.name, kin.inverse(T))
-        thing.inside = None  # its views stay: where it stood it stands no more
-        self._deeds.take(side, thing.phrase, thing.shape.box().mean(0), thing.shape.kind == "vessel")
+        thing, shape = self._things[name], self._shape(name)
+        vessel = shape.kind == "vessel"
+        if hand != "both":
+            if not vessel and self._hands.holder(name) == hand:
+                shape = _between_fingers(shape, self._hands.tcp(hand))
+            self._take_along(thing)
+        thing.inside, thing.shape = None, shape  # its views stay: where it stood it stands no more
+        for n in (name, *self.within(name)):
+            self._hands.load(hand, n, shape if n == name else self._shape(n))
+        self._deeds.take(hand, thing.phrase, shape.box().mean(0), vessel)
+
+    def _size_m(self, name: str) -> float:
+        """The longest side of the box about a thing [m]."""
+        return float(np.ptp(self._shape(name).box(), axis=0).max())
 
     def _take_along(self, vessel: Thing) -> None:
         """What pictures show in a vessel that a hand takes is as good as a part of the robot: it goes along."""
@@ -261,34 +252,23 @@ class Memory:
         shape = float(Surroundings(self._shape(name).solids).distance(p_world[None])[0])
         return min([shape, *(float(gaps.min()) for gaps in seen if len(gaps) >= SEEN_PX)])
 
-    def _press(self) -> None:
-        """The hands have begun to press the nearest thing between them, or have ceased to."""
-        if self._both is not None:
-            thing = self._things[self._both[0]]
-            self._lay(thing.name)
-            self._deeds.lay(thing.phrase, thing.shape.box())
-            self._both = None
+    def _release(self, hand: Hand) -> None:
+        """A hand has let go: what it held is where it was held, or has fallen into what is below it."""
+        for n in self._hands.grips[hand].loads:
+            if n in self._things:
+                self._things[n].shape = self._shape(n)
+        name = self._hands.release(hand).name
+        self._shown.pop(hand, None)
+        if name is not None and (taker := self._hands.holder(name)) is not None:
+            self._deeds.pass_on(hand, taker)
+        elif name in self._things and self._hands.felt is not None:
+            thing = self._things[name]
             thing.views = []
-            return
-        hands = np.stack([self._tcp(side)[:3, 3] for side in SIDES])
-        gaps = {n: float(Surroundings(self._shape(n).solids).distance(hands).max()) for n in self._things}
-        nearest = min(gaps, key=gaps.__getitem__, default=None)
-        if nearest is not None and gaps[nearest] < BY_SHAPE.pressed_m:
-            self._both = (nearest, kin.inverse(self._tcp("left")))
-            self._things[nearest].inside = None
-            self._deeds.take_up(self._things[nearest].phrase, self._things[nearest].shape.box().mean(0))
-
-    def _release(self, side: Side, dropped: bool) -> None:
-        """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
-        name, _ = self._grip[side]
-        thing = self._things[name]
-        self._lay(name)
-        del self._grip[side]
-        self._shown.pop(side, None)
-        thing.views = []
-        if not dropped:
-            self._fall(thing)
-        self._deeds.put_down(side, thing.phrase, self._shape(name).box(), dropped)
+            dropped = hand != "both" and self._hands.felt.gripper_width[hand] <= EMPTY_M
+            if not dropped:
+                self._fall(thing)
+            self._deeds.put_down(hand, thing.phrase, self._shape(name).box(), dropped)
+        self._deeds.empty(hand)
 
     def _fall(self, thing: Thing) -> None:
         """What was let go of falls into what is below it, if that is open there."""
@@ -302,21 +282,15 @@ class Memory:
                     thing.stands = abs(fall) < _GRASPING.set_down_m
                     self._put(thing, other.name)
                     if other.shape.kind == "vessel":
-                        holders = [side for side, (held, _) in self._grip.items() if held == other.name]
-                        self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), holders)
+                        holder = self._hands.holder(other.name)
+                        self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), holder)
                     return
 
     def _put(self, thing: Thing, container: str) -> None:
         """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""
         thing.inside = container
-        if (carried := self._carried(container)) is not None:
-            thing.shape = thing.shape.moved(kin.inverse(carried))
-
-    def _lay(self, name: str) -> None:
-        """Know a thing, and what is in it, where it is now: it is carried no more, or from now on otherwise."""
-        laid = {n: self._shape(n) for n, t in self._things.items() if name in (n, t.inside)}
-        for n, shape in laid.items():
-            self._things[n].shape = shape
+        if (hand := self._hands.holder(container)) is not None:
+            self._hands.load(hand, thing.name, thing.shape)
 
     def _known(self, name: str) -> Thing:
         """A thing. Raises MotionFailure "lost_sight" if it is not where it was seen any more."""
@@ -326,28 +300,12 @@ class Memory:
 
     def _shape(self, name: str) -> Shape:
         """A thing's shape now: what is in a hand moves with it."""
-        thing, carrier = self._known(name), name
-        if thing.inside is not None and thing.inside in self._held():
-            carrier = thing.inside
-        carried = self._carried(carrier)
-        return thing.shape if carried is None else thing.shape.moved(carried)
-
-    def _carried(self, name: str) -> Array | None:
-        """The motion (4, 4) of a thing since the robot took it; None if it does not hold it."""
-        if self._both is not None and self._both[0] == name:
-            return matmul(self._tcp("left"), self._both[1])
-        for side, (held, T_tcp_world) in self._grip.items():
-            if held == name:
-                return matmul(self._tcp(side), T_tcp_world)
-        return None
+        thing, carried = self._known(name), self._hands.carried(name)
+        return thing.shape if carried is None else carried
 
     def volumes(self, name: str) -> Sequence[Solid]:
         """The room inside a thing, as boxes or cylinders in the world."""
         return self._shape(name).volumes
-
-    def _held(self) -> set[str]:
-        both = () if self._both is None else (self._both[0],)
-        return {*both, *(n for n, _ in self._grip.values())}
 
     def _associate(self, frame: Frame) -> None:
         """Tell which mask is which thing, by place; what should be seen and is not is gone."""
@@ -369,7 +327,7 @@ class Memory:
                     if tree is not None and thing.name in parts:
                         gap = min(gap, apart(parts[thing.name], tree))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
-                    if gap < (_TRACK.near_m if fresh or thing.name in self._held() else _TRACK.far_m):
+                    if gap < (_TRACK.near_m if fresh or thing.name in self._hands.names() else _TRACK.far_m):
                         pairs.append((gap, i, thing.name))
             done: set[object] = set()
             for _, i, name in sorted(pairs):
@@ -389,7 +347,11 @@ class Memory:
             self._missed(name, frame)
         for name in [n for n, t in self._things.items() if any(is_part(t, other) for other in self._things.values())]:
             del self._things[name]
-        still = [t for t in self._things.values() if t.name not in self._held() and t.inside not in self._held()]
+        still = [
+            t
+            for t in self._things.values()
+            if t.name not in self._hands.names() and t.inside not in self._hands.names()
+        ]
         known = sorted(still, key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
         for k, thing in enumerate(known):
             if (first := next((other for other in known[:k] if is_again(thing, other)), None)) is not None:
@@ -424,14 +386,15 @@ class Memory:
 
     def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See a thing again; what is in hand is known better by the hand."""
-        if thing.name in self._held():
+        if thing.name in self._hands.names():
             self._regard(thing, frame, mask)
             return
-        if thing.inside in self._held():  # it has come along: older views show where it was
+        if thing.inside in self._hands.names():  # it has come along: older views show where it was
             thing.views = [(frame, mask)]
             shape = fitted(thing.views, thing.shape.support_m)
             if shape is not None and not self._lies_in(shape, str(thing.inside)):
                 thing.shape, thing.inside = shape, None
+                self._hands.take_out(thing.name)
             return
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _TRACK.recent_m][-5:]
         thing.views.append((frame, mask))
@@ -453,21 +416,21 @@ class Memory:
 
     def _regard(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
-        for side, (name, _) in self._grip.items():
-            if name == thing.name and side in self._shown:
-                T = self._tcp(side)
-                self._shown[side].add(frame, mask, T)
-                shape = self._shown[side].shape(T)
+        for hand, shown in self._shown.items():
+            if self._hands.held(hand) == thing.name:
+                T = self._hands.tcps(hand)[0]
+                shown.add(frame, mask, T)
+                shape = shown.shape(T)
                 # the wall of a vessel, seen from outside, is no reason to take it for massive
                 if shape is not None and (shape.kind == "vessel" or thing.shape.kind != "vessel"):
-                    self._lay(name)
-                    thing.shape, self._grip[side] = shape, (name, kin.inverse(T))
+                    thing.shape = shape
+                    self._hands.load(hand, thing.name, shape)
         frame.robot[:] |= ndimage.binary_dilation(mask, iterations=2)
         self._field = None
 
     def _missed(self, name: str, frame: Frame) -> None:
         """Forget a thing where a picture shows what is behind it; what is hollow may be seen through to its floor."""
-        thing, held = self._things[name], self._held()
+        thing, held = self._things[name], self._hands.names()
         if name in held or thing.inside in held or thing.shape.extent is not None:
             return
         depths = frame.depth_at(self._shape(name).box().mean(0))
@@ -479,7 +442,7 @@ class Memory:
         """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
         if container not in self._things:  # it was forgotten, not what was in it
             return False
-        middle, deeper = shape.box().mean(0), _GRASPING.deeper_m if container in self._held() else 0.0
+        middle, deeper = shape.box().mean(0), _GRASPING.deeper_m if container in self._hands.names() else 0.0
         for volume in self.volumes(container):
             low, high = volume.aabb()
             if (
@@ -489,3 +452,11 @@ class Memory:
             ):
                 return True
         return False
+
+
+def _between_fingers(shape: Shape, T: Array) -> Shape:
+    """A shape as fingers that close have brought it between them; `T` (4, 4) is T_world_tcp."""
+    aside = float(bounds(s.moved(kin.inverse(T)) for s in shape.solids).mean(0)[1])
+    if abs(aside) > _GRASPING.recentered_m:
+        return shape
+    return shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))

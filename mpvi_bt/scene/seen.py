@@ -96,7 +96,7 @@ class Seen(Memory):
     def knowledge(self) -> KnowledgeBase:
         """As `Scene` says."""
         base = KnowledgeBase()
-        carried = self._held()
+        carried = self._hands.names()
         for name, thing in self._things.items():
             low, high = self._shape(name).box()
             held = name in carried or thing.inside in carried
@@ -194,11 +194,11 @@ class Seen(Memory):
 
     def holding(self, side: Side) -> str | None:
         """As `Scene` says: what was nearest to the hand when it closed, as long as its fingers feel something."""
-        return self._grip[side][0] if side in self._grip else None
+        return self._hands.held(side)
 
     def between(self) -> str | None:
         """As `Scene` says: what was nearest to both hands when something began to keep them apart."""
-        return self._both[0] if self._both is not None else None
+        return self._hands.held("both")
 
     def within(self, name: str) -> Sequence[str]:
         """As `Scene` says: what was let go over it, or is seen in it."""
@@ -207,7 +207,7 @@ class Seen(Memory):
     def others(self, name: str) -> Sequence[str]:
         """As `Scene` says: all of it as one thing."""
         vessel = name in self._things and self._things[name].shape.kind == "vessel"
-        return [_IN + name] if vessel and name not in self._held() else []
+        return [_IN + name] if vessel and name not in self._hands.names() else []
 
     def _contents(self, name: str) -> list[Solid]:
         """By the newest pictures of the head; of what is in a hand that is part of that."""
@@ -224,9 +224,7 @@ class Seen(Memory):
 
     def laden(self, name: str) -> bool:
         """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
-        return bool(self.within(name)) or any(
-            held == name for s, (held, _) in self._grip.items() if s in self._deeds.laden
-        )
+        return bool(self.within(name)) or any(self._hands.held(hand) == name for hand in self._deeds.laden)
 
     def obstacles(
         self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
@@ -236,7 +234,7 @@ class Seen(Memory):
         if beside is not None:
             without = {*without, beside}
         thick = _LOOK.trusted_m if self._trusting else 9.0
-        near = [self._shape(n).box() for n in sorted(without) if n in self._things and n not in self._held()]
+        near = [self._shape(n).box() for n in sorted(without) if n in self._things and n not in self._hands.names()]
         if near:  # a thing, not what it lies on
             self._focus = min(near, key=lambda box: float(np.ptp(box, axis=0).max())).mean(0)
         if beside is not None and self._known(beside).shape.kind == "furniture":
@@ -261,10 +259,10 @@ class Seen(Memory):
                 fine = Field(views, self._focus, size_m, cell_m, cell_m / 2, thick, before, known)
                 self._field = (key, FineField(coarse, fine))
         flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
-        left_out = {*without, *flat}
+        left_out, held = {*without, *flat}, self._hands.names()
         unseen = [
             s for n, t in self._things.items()
-            if n not in left_out and (t.inside is None or (t.stands and t.inside in faces)) and n not in self._held()
+            if n not in left_out and n not in held and (t.inside is None or (t.stands and t.inside in faces))
             and (n in faces or t.shape.volumes
                  or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
         ]  # fmt: skip
@@ -277,7 +275,7 @@ class Seen(Memory):
         if self._standing is not None:
             stays |= self._standing(*ranges)
         stays &= self._remembering
-        names = sorted(n for n in told if n in self._things and n not in self._held())
+        names = sorted(n for n in told if n in self._things and n not in self._hands.names())
         if not names:
             return stays, shown
         cells = np.unravel_index(np.flatnonzero(stays | shown), stays.shape)
@@ -308,11 +306,11 @@ class Seen(Memory):
 
     def passable(self) -> Obstacles:
         """What the base must not drive into, by all pictures of the last meter; what none of them shows is free."""
-        assert self._felt is not None
+        assert self._hands.felt is not None
         head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _LOOK.passed_m]
-        held, explaining = self._held(), self._explaining(self._held())
+        held, explaining = self._hands.names(), self._explaining(self._hands.names())
         views = [field.View(f.image, self._transparent(f, held, explaining)) for f in head]
-        return Field(views, self._felt.base_pose[:2], known=partial(self._around, ()))
+        return Field(views, self._hands.felt.base_pose[:2], known=partial(self._around, ()))
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:
@@ -397,7 +395,7 @@ class Seen(Memory):
         held = frame.robot.copy()
         if frame.stand != self._stand:
             return held
-        carried = self._held()
+        carried = self._hands.names()
         solids = [s for n in self._things if n in carried or self._things[n].inside in carried for s in self.solids(n)]
         if solids:
             low, high = bounds(solids) + [[-_LOOK.explained_m], [_LOOK.explained_m]]
