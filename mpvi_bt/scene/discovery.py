@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
-from scipy.optimize import linear_sum_assignment
 
 from mpvi_bt.errors import DetectorError
 from mpvi_bt.perception.detector import Detection, Detector
@@ -22,6 +21,7 @@ from mpvi_bt.protocols import Clock
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.association import NEVER, associated
 from mpvi_bt.scene.belief import BELIEF, Belief
 from mpvi_bt.scene.carrying import Carrying
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, calls
@@ -45,7 +45,6 @@ class Association:
             too much.
         shrinks: Likewise inward [ratio].
         large_m: What is longer, seen from above, is no thing to be carried [m].
-        never: A price that is never paid; above all others.
     """
 
     gate_m: float = 0.10
@@ -58,7 +57,6 @@ class Association:
     grows: float = 0.5
     shrinks: float = 0.1
     large_m: float = 0.9
-    never: float = 1e6
 
 
 _FIT = Association()
@@ -153,21 +151,17 @@ class Discoveries:
     # ------------------------------------------------------------------------------------------ association
 
     def _associate(self, seen: Sequence[Sighting]) -> list[Entry | None]:
-        """The entry of each sighting, None for a thing that is new: no two are one, and the sum of misfits is least."""
-        if not seen:
-            return []
+        """The entry of each sighting, None for a thing that is new."""
         known = [entry for entry in self.knowledge if entry.kind != "room"]
-        prices = np.full((len(seen), len(known) + len(seen)), _FIT.never)
+        misfits = np.full((len(seen), len(known)), NEVER)
         for i, sighting in enumerate(seen):
-            prices[i, len(known) + i] = 1.0
             for k, entry in enumerate(known):
                 if _alike(entry.phrases, sighting.phrases):
-                    prices[i, k] = self._misfit(sighting, entry)
-        pairs = dict(zip(*linear_sum_assignment(prices), strict=True))
-        return [known[k] if (k := pairs[i]) < len(known) else None for i in range(len(seen))]
+                    misfits[i, k] = self._misfit(sighting, entry)
+        return [None if k is None else known[k] for k in associated(misfits)]
 
     def _misfit(self, sighting: Sighting, entry: Entry) -> float:
-        """How badly a sighting fits an entry: 0 to 1, or `_FIT.never`."""
+        """How badly a sighting fits an entry: 0 to 1, or `NEVER`."""
         gate = _FIT.gate_m + _FIT.gate_per_m * sighting.range_m
         way = (sighting.lowest + sighting.highest) / 2 - entry.center
         if entry.source != "prior" and self._looks[entry.name].near_m is None:
@@ -180,7 +174,7 @@ class Discoveries:
             return 1.0 - shared / 2
         gap = float(norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
         turned = entry.held and gap < gate  # in the hand, or hanging between two: a sheet swings
-        return _FIT.part_misfit if turned or (gap < gate / 2 and (_smaller(a, b) or _smaller(b, a))) else _FIT.never
+        return _FIT.part_misfit if turned or (gap < gate / 2 and (_smaller(a, b) or _smaller(b, a))) else NEVER
 
     # ------------------------------------------------------------------------------------------ learning
 

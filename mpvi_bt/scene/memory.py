@@ -23,6 +23,7 @@ from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
+from mpvi_bt.scene.association import NEVER, associated
 from mpvi_bt.scene.deeds import Deeds
 from mpvi_bt.scene.frames import SEEN_PX, Frame, take
 from mpvi_bt.scene.hands import TOUCH, Hand, HandTracker
@@ -317,26 +318,24 @@ class Memory:
             # Of what was never whole in a picture the part that was: where is that now?
             parts = {t.name: main_cluster(t.views[-1][0].of(t.views[-1][1])) for t in known
                      if t.views and all(f.cut(m) for f, m in t.views)}  # fmt: skip
-            pairs = []
+            misfits = np.full((len(seen), len(known)), NEVER)
             for i, (_, points) in enumerate(seen):
                 tree = cKDTree(points) if parts else None
-                for thing in known:
+                for k, thing in enumerate(known):
                     shape = self._shape(thing.name)
                     solids = shape.solids if shape.extent is None else [shape.extent]
                     gap = float(np.median(Surroundings(solids).distance(points)))
                     if tree is not None and thing.name in parts:
                         gap = min(gap, apart(parts[thing.name], tree))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
-                    if gap < (_TRACK.near_m if fresh or thing.name in self._hands.names() else _TRACK.far_m):
-                        pairs.append((gap, i, thing.name))
-            done: set[object] = set()
-            for _, i, name in sorted(pairs):
-                if i not in done and name not in done:
-                    done |= {i, name}
-                    self._update(self._things[name], frame, seen[i][0])
-            for i, (mask, points) in enumerate(seen):
-                if i in done:
-                    continue
+                    gate = _TRACK.near_m if fresh or thing.name in self._hands.names() else _TRACK.far_m
+                    misfits[i, k] = gap / gate if gap < gate else NEVER
+            which = associated(misfits)
+            done = {known[k].name for k in which if k is not None}
+            for k, (mask, _) in zip(which, seen, strict=True):
+                if k is not None:
+                    self._update(known[k], frame, mask)
+            for mask, points in (s for k, s in zip(which, seen, strict=True) if k is None):
                 opened = [t for t in known if t.name not in done and self._opened(t, points)]
                 if opened:
                     done.add(opened[0].name)
