@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import SIDES, Proprioception
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.hands import HANDS, TOUCH, Carried, Grip, Hand, HandTracker
+from mpvi_bt.scene.hands import HANDS, TOUCH, Carried, Grip, Hand, HandTracker, falls_into
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, laid_down
 
 PUT = 0.6  # our choice: what was let go is believed to be where it was, until it is seen: not more than so
@@ -155,18 +155,16 @@ class Carrying:
         Our choice: a movable thing that covers more floor and is half as high counts as one. What is let go over its
         rim comes to lie within it; how deep shows when it is seen.
         """
-        center, height = entry.center, float(np.ptp([entry.lowest[2], entry.highest[2]]))
-        over = [
+        height = float(np.ptp([entry.lowest[2], entry.highest[2]]))
+        containers = [
             c
             for c in self._knowledge
             if c.kind == "object" and c is not entry and c.inside != entry.name
-            and _floor(c) > TOUCH.outer * _floor(entry)
-            and (center[:2] >= c.lowest[:2]).all() and (center[:2] <= c.highest[:2]).all()
-            and center[2] > c.lowest[2] and c.highest[2] - c.lowest[2] > height / 2
+            and _floor(c) > TOUCH.outer * _floor(entry) and c.highest[2] - c.lowest[2] > height / 2
         ]  # fmt: skip
-        if not over:
+        if (k := falls_into(entry.center, [np.stack([c.lowest, c.highest]) for c in containers])) is None:
             return
-        container = max(over, key=lambda c: float(c.highest[2]))
+        container = containers[k]
         drop = np.array([0.0, 0.0, max(float(entry.highest[2] - container.highest[2]), 0.0)])
         for one in self._with_contents(entry.name):
             one.lowest, one.highest = one.lowest - drop, one.highest - drop

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Literal, Protocol, Self, TypeVar
 
@@ -185,3 +185,14 @@ class HandTracker(Generic[Body]):
             if (load := grip.loads.get(name)) is not None:
                 return load.body.moved(matmul(self.tcps(hand)[0], load.T_tcp_world))
         return None
+
+
+def falls_into(center: Array, rooms: Sequence[Array]) -> int | None:
+    """Index of the room in which a thing comes to lie that hands let go of: the highest one that is open below it.
+
+    Args:
+        center: (3,) the thing's middle.
+        rooms: (2, 3) lowest and highest corner of each.
+    """
+    below = [k for k, (low, high) in enumerate(rooms) if (center > low).all() and (center[:2] < high[:2]).all()]
+    return max(below, key=lambda k: float(rooms[k][1, 2]), default=None)

@@ -26,7 +26,7 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.scene.association import NEVER, associated
 from mpvi_bt.scene.deeds import Deeds
 from mpvi_bt.scene.frames import SEEN_PX, Frame, take
-from mpvi_bt.scene.hands import TOUCH, Hand, HandTracker
+from mpvi_bt.scene.hands import TOUCH, Hand, HandTracker, falls_into
 from mpvi_bt.scene.in_hand import InHand, is_of
 from mpvi_bt.scene.remembered import Remembered
 from mpvi_bt.scene.several_views import fitted
@@ -273,19 +273,18 @@ class Memory:
 
     def _fall(self, thing: Thing) -> None:
         """What was let go of falls into what is below it, if that is open there."""
-        middle = thing.shape.box().mean(0)
-        for other in self._things.values():
-            for volume in self.volumes(other.name) if other is not thing else ():
-                low, high = volume.aabb()
-                if ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
-                    fall = thing.shape.box()[0, 2] - low[2]
-                    thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
-                    thing.stands = abs(fall) < _GRASPING.set_down_m
-                    self._put(thing, other.name)
-                    if other.shape.kind == "vessel":
-                        holder = self._hands.holder(other.name)
-                        self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), holder)
-                    return
+        others = [other for other in self._things.values() if other is not thing]
+        rooms = [(other, volume.aabb()) for other in others for volume in self.volumes(other.name)]
+        low, high = thing.shape.box()
+        if (k := falls_into((low + high) / 2, [room for _, room in rooms])) is None:
+            return
+        other, room = rooms[k]
+        fall = float(low[2] - room[0, 2])
+        thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -fall)))
+        thing.stands = abs(fall) < _GRASPING.set_down_m
+        self._put(thing, other.name)
+        if other.shape.kind == "vessel":
+            self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), self._hands.holder(other.name))
 
     def _put(self, thing: Thing, container: str) -> None:
         """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""
