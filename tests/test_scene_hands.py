@@ -30,7 +30,7 @@ def test_fingers_that_have_come_to_rest_on_something_hold_it() -> None:
     assert told == []
     assert list(hands.feel(felt(0.0, {"left": 0.05}))) == [("left", True)]
     hands.take("left", None)
-    assert hands.unknown() == ["left"]
+    assert hands.held("left") is None
     assert list(hands.feel(felt(0.0, {"left": 0.001}))) == [("left", False)]
     assert list(HandTracker[BoxAbout]().feel(felt(0.0, {"right": 0.05}))) == [("right", True)]
 

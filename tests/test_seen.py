@@ -12,7 +12,7 @@ from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout, Proprioception
+from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene import memory
@@ -31,7 +31,6 @@ pytestmark = pytest.mark.render
 
 VOCABULARY = {"can_1": ("can of soda",), "can_2": ("can of soda",), "bin": ("trash can",), "table_1": ("table",),
               "egg_0": ("Easter egg",)}  # fmt: skip
-CLOSES = 1 + TOUCH.steady_steps  # steps in which fingers are seen to have met something
 TABLE = "{entry: table, at: [1.0, 0.0]}"
 
 
@@ -53,6 +52,23 @@ def looking(world: World, *phrases: str) -> Seen:
 
 def look(world: World, seen: Seen, camera: str = "head") -> None:
     seen.see({camera: world.robot.look(camera)}, world.robot.proprioception())
+
+
+def hand_at(
+    seen: Seen, begin: Proprioception, at: Array, closed: bool, side: Side = "left", width_m: float = 0.06
+) -> None:
+    """A hand at a place (3,), as if base and trunk moved it there from `begin`, open or closed on something."""
+    tcp = (kin.base(begin.base_pose) @ R1.tcp(begin.torso, begin.arm[side], side))[:3, 3]
+    torso = begin.torso + np.array([at[2] - tcp[2], 0.0, 0.0, 0.0])
+    felt = replace(
+        begin,
+        base_pose=begin.base_pose + np.append(at[:2] - tcp[:2], 0.0),
+        torso=torso,
+        gripper_command={**begin.gripper_command, side: -1.0 if closed else 1.0},
+        gripper_width={**begin.gripper_width, side: width_m if closed else 0.1},
+    )
+    for _ in range(1 + TOUCH.steady_steps):  # fingers that come to rest have met something
+        seen.feel(replace(felt))
 
 
 def cans() -> World:
@@ -130,8 +146,12 @@ def test_what_lies_in_a_vessel_goes_along_with_it_though_nobody_asked_for_it() -
     assert (np.abs(bounds(seen.solids(others)).mean(0)[:2] - can[0, :2]) < 0.03).all()
     assert seen.obstacles(here, 1.5, {basket, others}).distance(can)[0] > 0.03
     assert not any(entry.name == others for entry in seen.knowledge())
-    seen._take_along(seen._things[basket])
-    assert seen.obstacles(here, 1.5, {basket}).distance(can)[0] > 0.03
+    low, high = bounds(seen.solids(basket))
+    rim, away = np.array([(low + high)[0] / 2, high[1], high[2]]), [0.0, 1.0, 0.0]
+    hand_at(seen, world.robot.proprioception(), rim, closed=True, width_m=0.02)
+    assert seen.holding("left") == basket
+    hand_at(seen, world.robot.proprioception(), rim + away, closed=True, width_m=0.02)
+    assert seen.obstacles(here, 1.5).distance(can)[0] > 0.03
 
 
 @pytest.mark.parametrize(("apart_m", "count"), [(0.25, 1), (0.95, 2)])
@@ -227,31 +247,18 @@ def test_what_fingers_close_on_moves_with_the_hand_until_they_open() -> None:
     world = cans()
     seen = looking(world, "can of soda")
     can = names(seen, "can of soda")[0]
-    felt = world.robot.proprioception()
-    at = seen.pose(can)[:3, 3]
-    tcp = (kin.base(felt.base_pose) @ R1.tcp(felt.torso, felt.arm["left"], "left"))[:3, 3]
-
-    def gripping(base: np.ndarray, closed: bool) -> Proprioception:
-        command, width = {**felt.gripper_command}, {**felt.gripper_width}
-        if closed:
-            command["left"], width["left"] = -1.0, 0.06
-        return replace(felt, base_pose=base, gripper_command=command, gripper_width=width)
-
-    near = felt.base_pose + np.append(at[:2] - tcp[:2], 0.0)  # the hand over the can, were it lower
-    torso = felt.torso.copy()
-    torso[0] += at[2] - tcp[2]
-    felt = replace(felt, torso=torso)
-    seen.feel(gripping(near, closed=False))
+    begin, at = world.robot.proprioception(), seen.pose(can)[:3, 3]
+    there = at + [0.0, 0.3, 0.0]
+    hand_at(seen, begin, at, closed=False)
     assert seen.holding("left") is None
-    for _ in range(CLOSES):
-        seen.feel(gripping(near, closed=True))
+    hand_at(seen, begin, at, closed=True)
     assert seen.holding("left") == can
-    seen.feel(gripping(near + [0.0, 0.3, 0.0], closed=True))
-    np.testing.assert_allclose(seen.pose(can)[:2, 3], at[:2] + [0.0, 0.3], atol=0.04)
-    seen.feel(gripping(near + [0.0, 0.3, 0.0], closed=False))
+    hand_at(seen, begin, there, closed=True)
+    np.testing.assert_allclose(seen.pose(can)[:2, 3], there[:2], atol=0.04)
+    hand_at(seen, begin, there, closed=False)
     assert seen.holding("left") is None
-    seen.feel(gripping(near, closed=False))
-    np.testing.assert_allclose(seen.pose(can)[:2, 3], at[:2] + [0.0, 0.3], atol=0.04)
+    hand_at(seen, begin, at, closed=False)
+    np.testing.assert_allclose(seen.pose(can)[:2, 3], there[:2], atol=0.04)
 
 
 def test_the_camera_is_where_the_joints_say() -> None:
@@ -329,49 +336,36 @@ def test_a_vessel_that_was_filled_is_laden_when_it_is_taken_up_later() -> None:
     world = basket((0.0, -0.5))
     seen = looking(world, "trash can", "Easter egg")
     (bin_,), (egg,) = names(seen, "trash can"), names(seen, "Easter egg")
-    middle, rim = (seen._things[bin_].shape.box().mean(0) for _ in range(2))
-    rim[1] = seen._things[bin_].shape.box()[1, 1]
-    begin = world.robot.proprioception()
+    low, high = bounds(seen.solids(bin_))
+    above, rim = np.array([*(low + high)[:2] / 2, high[2] + 0.1]), np.array([(low + high)[0] / 2, high[1], high[2]])
+    aside, begin = rim + [0.0, 1.0, 0.0], world.robot.proprioception()
 
-    def close(at: Array, name: str | None) -> None:
-        """The right hand above a place (2,), closed on a thing that is brought there, or open."""
-        tcp = (kin.base(begin.base_pose) @ R1.tcp(begin.torso, begin.arm["right"], "right"))[:3, 3]
-        felt = replace(
-            begin,
-            base_pose=begin.base_pose + np.append(at[:2] - tcp[:2], 0.0),
-            gripper_command={**begin.gripper_command, "right": 1.0 if name is None else -1.0},
-            gripper_width={**begin.gripper_width, "right": 0.1 if name is None else 0.03},
-        )
-        if name is not None and seen.holding("right") is None:
-            box = seen._things[name].shape.box()
-            off = np.append(tcp[:2] + felt.base_pose[:2] - begin.base_pose[:2] - box.mean(0)[:2], tcp[2] - box[1, 2])
-            off[:2] *= name == egg  # the basket is raised where it stands
-            seen._things[name].shape = seen._things[name].shape.moved(kin.transform(np.eye(3), off))
-        for _ in range(CLOSES):
-            seen.feel(replace(felt))
+    def close(at: Array, closed: bool) -> None:
+        hand_at(seen, begin, at, closed, "right", 0.03)
 
     def taken_up(at: Array) -> bool:
-        close(at, None)
+        close(at, False)
+        close(at, True)
         (name,) = names(seen, "trash can")
-        close(at, name)
         assert seen.holding("right") == name
         return seen.laden(name)
 
     assert not taken_up(rim)
-    close(rim, None)
+    close(rim, False)
     seen.forget(["trash can", "Easter egg"])
     look(world, seen)
     (bin_,), (egg,) = names(seen, "trash can"), names(seen, "Easter egg")
-    close(middle, egg)
-    close(middle, None)
+    close(seen.pose(egg)[:3, 3], True)
+    close(above, True)
+    close(above, False)
     assert seen.within(bin_) == [egg]
     seen.forget(["trash can"])
     look(world, seen)
     assert seen.knowledge().find("trash can")[0].filled == ("Easter egg",)
     assert taken_up(rim)
-    close(rim + [0.0, 1.0, 0.0], names(seen, "trash can")[0])
-    close(rim + [0.0, 1.0, 0.0], None)
-    assert taken_up(rim + [0.0, 1.0, 0.0])
+    close(aside, True)
+    close(aside, False)
+    assert taken_up(aside)
     seen.forget(["trash can"])
     look(world, seen)
     assert not taken_up(rim)
@@ -382,26 +376,15 @@ def test_what_hands_put_down_is_put_away_also_under_a_later_prompt() -> None:
     world = cans()
     seen = looking(world, "can of soda")
     begin = world.robot.proprioception()
-    tcp = (kin.base(begin.base_pose) @ R1.tcp(begin.torso, begin.arm["left"], "left"))[:3, 3]
-
-    def hand_at(at: Array, closed: bool) -> None:
-        torso = begin.torso.copy()
-        torso[0] += at[2] - tcp[2]
-        command = {**begin.gripper_command, "left": -1.0 if closed else 1.0}
-        width = {**begin.gripper_width, "left": 0.06 if closed else 0.1}
-        base = begin.base_pose + np.append(at[:2] - tcp[:2], 0.0)
-        for _ in range(CLOSES):
-            seen.feel(replace(begin, base_pose=base, torso=torso, gripper_command=command, gripper_width=width))
-
     taken, other = (seen.pose(name)[:3, 3] for name in names(seen, "can of soda"))
     for at, closed in ((taken, False), (taken, True), (other, True), (other, False)):
-        hand_at(at, closed)
+        hand_at(seen, begin, at, closed)
     seen.forget(["can of soda"])
     look(world, seen)
     ahead, put = seen.knowledge().find("can of soda")
     assert (ahead.laid, put.laid) == (False, True)
     np.testing.assert_allclose(put.center[:2], other[:2], atol=0.03)
-    hand_at(put.center, True)
+    hand_at(seen, begin, put.center, True)
     assert seen.holding("left") == put.name
     assert not any(e.laid for e in seen.knowledge().find("can of soda"))
 

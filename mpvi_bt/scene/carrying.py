@@ -53,18 +53,15 @@ class Carrying:
         let_go, taken = list[str](), list[Array]()
         for hand, holds in self._hands.feel(body):
             if not holds:
-                let_go += self._release(hand)
+                let_go += self._release(hand, body)
             elif (name := self._take(hand, self._knowledge)) is not None:
                 taken.append(self._hands.grips[hand].loads[name].body.corners)
-        self._move()
+        self.move(body)
         return let_go, taken
 
     def move(self, body: Proprioception) -> None:
         """Bring what is held to where the hands are now."""
         self._hands.be(body)
-        self._move()
-
-    def _move(self) -> None:
         for entry in self._knowledge:
             if entry.held and (box := self._hands.carried(entry.name)) is not None:
                 entry.lowest, entry.highest = box.corners
@@ -72,7 +69,7 @@ class Carrying:
     def adopt(self, entries: Iterable[Entry]) -> None:
         """Let hands that hold something unknown hold what was just found in them; what they left was laid down."""
         found = list(entries)
-        for hand in self._hands.unknown():
+        for hand in [hand for hand, grip in self._hands.grips.items() if grip.name is None]:
             self._take(hand, found)
         for entry in found:
             gaps = [np.abs(p - np.clip(p, entry.lowest, entry.highest))[:2].max() for p in self._left]
@@ -128,9 +125,9 @@ class Carrying:
         entry.held = True
         self._hands.load(hand, entry.name, BoxAbout(np.stack([entry.lowest, entry.highest])))
 
-    def _release(self, hand: Hand) -> list[str]:
+    def _release(self, hand: Hand, body: Proprioception) -> list[str]:
         """A hand has let go, or lost what it held. Returns the names of what is held no more."""
-        self._move()
+        self.move(body)
         left = self._hands.tcps(hand)[:, :3, 3].mean(0)
         grip = self._hands.release(hand)
         if (took := self._took.pop(hand, None)) is not None:
@@ -207,7 +204,7 @@ class Carrying:
             name, loads = (None, {}) if grip is None else (str(grip["name"]), grip["loads"])
             hands.grips[hand] = Grip(name, {str(n): _carried(load) for n, load in loads.items()})
         hands.width = {side: float(saved["width"][side]) for side in SIDES if side in saved["width"]}
-        hands.steady = {side: int(saved["steady"][side]) for side in SIDES}
+        hands.steady = {side: int(saved["steady"][side]) for side in SIDES if side in saved["steady"]}
         self._took = {cast("Hand", hand): _array(place, (3,)) for hand, place in saved["took"].items()}
         self._left = [_array(place, (3,)) for place in saved["left"]]
         self._hands = hands

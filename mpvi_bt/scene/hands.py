@@ -102,13 +102,13 @@ class HandTracker(Generic[Body]):
         """Hold nothing."""
         self.grips: dict[Hand, Grip[Body]] = {}
         self.width: dict[Side, float] = {}
-        self.steady: dict[Side, int] = dict.fromkeys(SIDES, 0)
+        self.steady: dict[Side, int] = {}
         self.felt: Proprioception | None = None
-        self._tcp: dict[Side, Array] = {}  # T_world_tcp (4, 4), as felt
+        self._tcps: dict[Hand, Array] = {}
 
     def be(self, felt: Proprioception) -> None:
         """Know where the hands are now."""
-        self.felt, self._tcp = felt, {}
+        self.felt, self._tcps = felt, {}
 
     def feel(self, felt: Proprioception) -> Iterator[tuple[Hand, bool]]:
         """Take in one control step; the same one again changes nothing.
@@ -120,28 +120,23 @@ class HandTracker(Generic[Body]):
         self.be(felt)
         for side in felt.sides:
             width, holds = felt.gripper_width[side], felt.holds(side)
-            if side not in self.width:
-                self.steady[side] = TOUCH.steady_steps  # nothing says that they move
-            elif not again:
-                still = abs(width - self.width[side]) < TOUCH.steady_m
-                self.steady[side] = self.steady[side] + 1 if still else 0
+            if not again:  # of fingers that are felt for the first time nothing says that they move
+                still = abs(width - self.width.get(side, width)) < TOUCH.steady_m
+                self.steady[side] = self.steady.get(side, TOUCH.steady_steps) + 1 if still else 0
             self.width[side] = width
             if holds != (side in self.grips) and (not holds or self.steady[side] >= TOUCH.steady_steps):
                 yield side, holds
         if (pressed := squeezes(felt)) != ("both" in self.grips):
             yield "both", pressed
 
-    def tcp(self, side: Side) -> Array:
-        """T_world_tcp (4, 4) of a hand, as felt."""
-        if side not in self._tcp:
-            assert self.felt is not None
-            robot, base = robot_named(self.felt.robot), kin.base(self.felt.base_pose)
-            self._tcp[side] = matmul(base, robot.tcp(self.felt.torso, self.felt.arm[side], side))
-        return self._tcp[side]
-
     def tcps(self, hand: Hand) -> Array:
-        """T_world_tcp (1 or 2, 4, 4) of a hand, or of both, the left one's first."""
-        return np.stack([self.tcp(side) for side in (SIDES if hand == "both" else (hand,))])
+        """T_world_tcp (1 or 2, 4, 4) of a hand, or of both, the left one's first, as felt."""
+        if hand not in self._tcps:
+            assert self.felt is not None
+            felt, robot, sides = self.felt, robot_named(self.felt.robot), SIDES if hand == "both" else (hand,)
+            tcps = np.stack([robot.tcp(felt.torso, felt.arm[side], side) for side in sides])
+            self._tcps[hand] = matmul(kin.base(felt.base_pose), tcps)
+        return self._tcps[hand]
 
     def take(self, hand: Hand, name: str | None) -> None:
         """Know which thing a hand holds, None: one that nobody knows; `load` says where it is."""
@@ -166,10 +161,6 @@ class HandTracker(Generic[Body]):
     def held(self, hand: Hand) -> str | None:
         """The thing that a hand holds; None also of one that nobody knows."""
         return self.grips[hand].name if hand in self.grips else None
-
-    def unknown(self) -> list[Hand]:
-        """The hands that hold something which nobody knows."""
-        return [hand for hand, grip in self.grips.items() if grip.name is None]
 
     def names(self) -> set[str]:
         """All that the hands hold."""

@@ -111,7 +111,7 @@ class Memory:
         """
         for side in SIDES:
             if (name := self._hands.held(side)) is not None:
-                shape = self._shape(name).moved(kin.inverse(self._hands.tcp(side)))
+                shape = self._shape(name).moved(kin.inverse(self._hands.tcps(side)[0]))
                 self._deeds.taken[side] = self._things[name].phrase, shape
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
@@ -153,7 +153,9 @@ class Memory:
             self._associate(frame)
             if image.camera == "head":
                 self._remembered.see(frame.image, frame.measured & ~self._loose(frame))
-        for hand in self._hands.unknown():  # they may hold what has been seen only now
+        for hand in [
+            h for h, grip in self._hands.grips.items() if grip.name is None
+        ]:  # they may hold what has been seen only now
             self._take(hand)
             if hand != "both" and (name := self._hands.held(hand)) is not None:
                 thing = self._things[name]
@@ -174,7 +176,7 @@ class Memory:
         Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
         """
         phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
-        now = shape.moved(self._hands.tcp(side))
+        now = shape.moved(self._hands.tcps(side)[0])
         points = np.concatenate([np.empty((0, 3)), *(frame.of(mask) for frame, mask in thing.views)])
         if phrase != thing.phrase or shape.kind == "vessel" or not is_of(points, now):
             return False
@@ -202,34 +204,32 @@ class Memory:
         return vessel is not thing and outer > TOUCH.outer * inner
 
     def _take(self, hand: Hand) -> None:
-        """A hand has closed on something, or both press something: the nearest thing, if one is known near it."""
-        assert self._hands.felt is not None
-        points, width = self._hands.tcps(hand)[:, :3, 3], self._hands.felt.gripper_width
+        """A hand has closed on something, or both press something: the nearest thing, if one is known near it.
+
+        What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
+        """
+        T, width = self._hands.tcps(hand), self._hands.width
         near = [
-            (hand != "both" and self._size_m(n) < _GRASPING.spans * width[hand], gap, n)
+            (hand != "both" and np.ptp(self._shape(n).box(), axis=0).max() < _GRASPING.spans * width[hand], gap, n)
             for n, t in self._things.items()
             if (t.shape.kind != "furniture" or hand == "both")
-            and (gap := max(self._gap(n, p) for p in points)) < TOUCH.reach_m(hand)
+            and (gap := max(self._gap(n, p) for p in T[:, :3, 3])) < TOUCH.reach_m(hand)
         ]
-        # What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
-        name = min(near)[2] if near else None
-        self._hands.take(hand, name)
-        if name is None:
+        if not near:
+            self._hands.take(hand, None)
             return
+        name = min(near)[2]
         thing, shape = self._things[name], self._shape(name)
-        vessel = shape.kind == "vessel"
-        if hand != "both":
-            if not vessel and self._hands.holder(name) == hand:
-                shape = _between_fingers(shape, self._hands.tcp(hand))
-            self._take_along(thing)
+        if hand != "both" and shape.kind != "vessel" and self._hands.holder(name) is None:
+            aside = float(bounds(s.moved(kin.inverse(T[0])) for s in shape.solids).mean(0)[1])
+            if abs(aside) < _GRASPING.recentered_m:  # fingers have brought it between them
+                shape = shape.moved(kin.transform(np.eye(3), -aside * T[0, :3, 1]))
+        self._take_along(thing)
+        self._hands.take(hand, name)
         thing.inside, thing.shape = None, shape  # its views stay: where it stood it stands no more
         for n in (name, *self.within(name)):
             self._hands.load(hand, n, shape if n == name else self._shape(n))
-        self._deeds.take(hand, thing.phrase, shape.box().mean(0), vessel)
-
-    def _size_m(self, name: str) -> float:
-        """The longest side of the box about a thing [m]."""
-        return float(np.ptp(self._shape(name).box(), axis=0).max())
+        self._deeds.take(hand, thing.phrase, shape.box().mean(0), shape.kind == "vessel")
 
     def _take_along(self, vessel: Thing) -> None:
         """What pictures show in a vessel that a hand takes is as good as a part of the robot: it goes along."""
@@ -307,6 +307,10 @@ class Memory:
         """The room inside a thing, as boxes or cylinders in the world."""
         return self._shape(name).volumes
 
+    def within(self, name: str) -> Sequence[str]:
+        """As `Scene` says: what was let go over it, or is seen in it."""
+        return [n for n, t in self._things.items() if t.inside == name]
+
     def _associate(self, frame: Frame) -> None:
         """Tell which mask is which thing, by place; what should be seen and is not is gone."""
         for phrase in dict.fromkeys(d.phrase for d in frame.detections if d.phrase in self._phrases):
@@ -330,11 +334,11 @@ class Memory:
                     gate = _TRACK.near_m if fresh or thing.name in self._hands.names() else _TRACK.far_m
                     misfits[i, k] = gap / gate if gap < gate else NEVER
             which = associated(misfits)
-            done = {known[k].name for k in which if k is not None}
-            for k, (mask, _) in zip(which, seen, strict=True):
-                if k is not None:
-                    self._update(known[k], frame, mask)
-            for mask, points in (s for k, s in zip(which, seen, strict=True) if k is None):
+            done = {known[again].name for again in which if again is not None}
+            for again, (mask, _) in zip(which, seen, strict=True):
+                if again is not None:
+                    self._update(known[again], frame, mask)
+            for mask, points in (s for again, s in zip(which, seen, strict=True) if again is None):
                 opened = [t for t in known if t.name not in done and self._opened(t, points)]
                 if opened:
                     done.add(opened[0].name)
@@ -450,11 +454,3 @@ class Memory:
             ):
                 return True
         return False
-
-
-def _between_fingers(shape: Shape, T: Array) -> Shape:
-    """A shape as fingers that close have brought it between them; `T` (4, 4) is T_world_tcp."""
-    aside = float(bounds(s.moved(kin.inverse(T)) for s in shape.solids).mean(0)[1])
-    if abs(aside) > _GRASPING.recentered_m:
-        return shape
-    return shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))

@@ -200,10 +200,6 @@ class Seen(Memory):
         """As `Scene` says: what was nearest to both hands when something began to keep them apart."""
         return self._hands.held("both")
 
-    def within(self, name: str) -> Sequence[str]:
-        """As `Scene` says: what was let go over it, or is seen in it."""
-        return [n for n, t in self._things.items() if t.inside == name]
-
     def others(self, name: str) -> Sequence[str]:
         """As `Scene` says: all of it as one thing."""
         vessel = name in self._things and self._things[name].shape.kind == "vessel"
