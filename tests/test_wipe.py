@@ -3,13 +3,35 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.skills.wipe import strokes_over
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills.wipe import strokes_over, wipe
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.solids import pose
+from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.sim.world import Placement
+from mpvi_bt.testing.full_hands import put_in_hands
+from mpvi_bt.things.catalogue import load_catalogue
+from tests.small_house import placed, small_world
 
+LADLE = """
+entries:
+  ladle:
+    synset: ladle.n.01
+    family: compound
+    shape:
+      color: "#c9cdd2"
+      pieces:
+        - {kind: box, at: [0, 0, 0.02], size_m: [0.16, 0.1, 0.04]}
+        - {kind: box, at: [0.2, 0, 0.015], size_m: [0.24, 0.03, 0.03]}
+    mass_kg: 0.8
+    friction: 0.8
+"""
 sizes = st.tuples(st.floats(0.02, 0.25), st.floats(0.02, 0.25))
 
 
@@ -39,3 +61,19 @@ def test_no_stroke_is_made_twice(half: tuple[float, float], reach: tuple[float, 
     """Turning points differ from each other."""
     points = [tuple(np.round(p, 9)) for p in strokes_over(np.array(half), np.array(reach))]
     assert len(set(points)) == len(points)
+
+
+def test_what_has_several_tops_is_wiped_on_all_of_them(tmp_path: Path) -> None:
+    """No dust is left on a part of a thing beyond the end of a larger one, a centimeter lower."""
+    file = tmp_path / "ladle.yaml"
+    file.write_text(LADLE, encoding="utf-8")
+    ladle = Placement(load_catalogue(file)["ladle"], pose((0.6, -0.15, 0.741), np.pi / 2))
+    things = {"ladle": ladle, "brush": placed("scrub_brush", -1.5, 0.0)}
+    world = small_world(things, desk="{entry: desk, at: [0.8, 0.0], yaw_deg: 180}")
+    put_in_hands(world, {"right": "brush"})
+    world.mark("ladle", "dust.n.01")
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for action in wipe(work, {"target": "ladle", "tool": "scrub brush"}, []):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    assert not world.covered("ladle", "dust.n.01")

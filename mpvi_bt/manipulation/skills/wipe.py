@@ -22,6 +22,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, box
 from mpvi_bt.scene.held import Held
+from mpvi_bt.shapes.from_above import outline
 
 OVER_M = 0.08  # our choice: so far above what it works on a tool comes and goes
 
@@ -41,6 +42,8 @@ class Patches:
         missed: Part of a surface that may be out of reach [ratio].
         again: Times in one call that a patch is tried again where something held up the arm.
         top_m: Upper faces, or undersides of a tool, that differ in height by less are one [m].
+        along_m: Other upper faces of a thing that are this far below are wiped along with the highest [m]: so far
+            below its underside a tool takes marks (`rules.marks`).
     """
 
     wiped_m: float = 0.34
@@ -51,6 +54,7 @@ class Patches:
     missed: float = 0.05
     again: int = 3
     top_m: float = 0.01
+    along_m: float = 0.02
 
 
 _PATCHES = Patches()
@@ -233,7 +237,7 @@ def tool_hand(work: Work, words: Words) -> Side:
 
 
 def _patches(work: Work, target: str, strokes: bool) -> list[_Patch]:
-    """The highest upper face of a thing in parts that one stance can serve, the nearest first."""
+    """The highest upper face of a thing, with what else is to be wiped, in parts for one stance each, nearest first."""
     faces = [s for s in work.scene.solids(target) if s.kind != "sphere"]
     if not faces:
         return []
@@ -243,6 +247,12 @@ def _patches(work: Work, target: str, strokes: bool) -> list[_Patch]:
         key=lambda s: float(np.prod(_flat(s.T, s.half_m)[0])),
     )
     half, yaw = _flat(face.T, face.half_m)
+    middle = face.T[:2, 3]
+    along = [s for s in faces if s.aabb()[1, 2] > top - _PATCHES.along_m]
+    if strokes and len(along) > 1:
+        axes = kin.rot_z(yaw)[:2, :2]
+        edge = matmul(outline(along), axes)
+        half, middle = np.ptp(edge, axis=0) / 2, matmul(axes, (edge.min(0) + edge.max(0)) / 2)
     counts = np.maximum(
         1, np.ceil(2 * half / (_PATCHES.wiped_m if strokes else _PATCHES.sprayed_m) - _PATCHES.larger)
     ).astype(int)
@@ -252,7 +262,7 @@ def _patches(work: Work, target: str, strokes: bool) -> list[_Patch]:
     for i in range(counts[0]):
         for j in range(counts[1]):
             offset = matmul(kin.rot_z(yaw)[:2, :2], (2 * np.array([i, j]) + 1) * step - half)
-            out.append(_Patch(np.array([*(face.T[:2, 3] + offset), top]), step, yaw))
+            out.append(_Patch(np.array([*(middle + offset), top]), step, yaw))
     return sorted(out, key=lambda p: float(norm(p.middle[:2] - here)))
 
 
