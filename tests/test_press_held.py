@@ -51,3 +51,18 @@ def test_a_switch_is_pressed_straight_on_where_the_hands_can_meet_so() -> None:
             lean = float(np.arccos(max(ways)))
     assert turned == 1
     assert lean < 0.1
+
+
+def test_a_switch_that_is_known_to_have_turned_is_left_at_once() -> None:
+    """The hand comes hardly nearer then: one that springs back from the thing itself may turn the switch again."""
+    world = small_world({"lighter": placed("cigar_lighter", 2.0, 0.0)})
+    put_in_hands(world, {"right": "lighter"})
+    scene = TrueScene(world)
+    work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
+    away_m = []
+    for action in press_held(work, "right", options(work, "lighter")):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+        if scene.is_on("lighter"):
+            away_m.append(min(float(norm((work.hand("left") - T)[:3, 3])) for T in world.switches("lighter")))
+    assert away_m[0] - min(away_m) < 0.008

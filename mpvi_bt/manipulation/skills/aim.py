@@ -74,7 +74,7 @@ def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not on:
         with suppress(MotionFailure):  # where there is no room for both hands here, there may be at the target
             yield from _press(work, side, tool.name)
-            on = True
+            on = work.scene.is_on(tool.name) is not False
     stance, search = yield from approach(work, side, target, lambda: list(_aims(work, tool, target)), tried)
     try:
         yield from take_up(work, stance, search)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,13 @@ def press_held(work: Work, holder: Side, ways: Sequence[Option], fold: bool = Tr
     yield from motion.wait(FEEL.calm_s)
     # Arms give way under a load; what counts is where the thing is now.
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), way)
-    yield from motion.line(comer, T[1], FEEL.speed_m_s, until_contact=True)
-    yield from motion.wait(FEEL.pressed_s)
+    name = work.load(holder).name
+    before = work.scene.is_on(name)
+    # One that is known to have turned is left at once: a hand that springs back from the contact would turn it again.
+    for action in chain(motion.line(comer, T[1], FEEL.speed_m_s, until_contact=True), motion.wait(FEEL.pressed_s)):
+        yield action
+        if work.scene.is_on(name) != before:
+            break
     yield from motion.line(comer, T[0], FEEL.back_m_s)
     yield from motion.grip(comer, 1.0, GRIP.empty_s)
     if fold:
