@@ -27,7 +27,7 @@ from unittest import mock
 
 from mpvi_bt.goals.evaluate import judge, snapshot
 from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.problem import Problem, activities, load_problem
+from mpvi_bt.goals.problem import BddlProblem, activities, load_problem
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.human import human_stats
 
@@ -184,7 +184,7 @@ def compare(task: str, counts: Mapping[str, int], assignments: int, most: int = 
     Each draws how likely a literal is true, at the start and at the end, from 0.1 to 0.9; every third makes an option
     of the goal true at the end. Goals of more than `most` options are listed condition by condition.
     """
-    problem: Problem = load_problem(task).expanded(counts)
+    problem: BddlProblem = load_problem(task).expanded(counts)
     literals = list(snapshot(problem, lambda _: False))
     began = time.perf_counter()
     package = Package(task, counts, most)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from mpvi_bt.completion import criteria
 from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.problem import AGENT, Problem
+from mpvi_bt.goals.problem import AGENT, BddlProblem
 from mpvi_bt.perception.phrases import Vocabulary, read
 
 FLOORS = {"floor.n.01", "lawn.n.01", "driveway.n.01"}
@@ -39,7 +39,7 @@ class SymbolicState:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: BddlProblem,
         called: Mapping[str, tuple[str, ...]],
         openable: Iterable[str],
         backward: bool = False,

@@ -17,7 +17,7 @@ from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.cli.check import check
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.things.catalogue import Entry, load_catalogue
+from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
 from mpvi_bt.things.description import RigidBody
 from mpvi_bt.things.families import FAMILIES, describe, family
 
@@ -25,7 +25,7 @@ ENTRIES = list(load_catalogue())
 JOINTED = [entry for entry in ENTRIES if entry.description.jointed]
 
 
-def named(entry: Entry) -> str:
+def named(entry: CatalogueEntry) -> str:
     return entry.name
 
 
@@ -35,7 +35,7 @@ def test_every_family_is_used() -> None:
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=named)
-def test_things_stand_on_their_origin(entry: Entry) -> None:
+def test_things_stand_on_their_origin(entry: CatalogueEntry) -> None:
     """All but a nail and a mere work surface stand on z = 0; all are found by their synset's words."""
     low, high = entry.description.extent()
     if entry.family not in ("nail", "countertop"):
@@ -45,7 +45,7 @@ def test_things_stand_on_their_origin(entry: Entry) -> None:
 
 
 @pytest.mark.parametrize("entry", [e for e in ENTRIES if e.mass_kg is not None and e.mass_kg < 10], ids=named)
-def test_movable_things_can_be_grasped(entry: Entry) -> None:
+def test_movable_things_can_be_grasped(entry: CatalogueEntry) -> None:
     """One hand closes on 8.5 cm at most, so a wider thing has a lip, a bar, or a width for two hands under 43 cm."""
     low, high = entry.description.extent()
     root = entry.description.root
@@ -55,7 +55,7 @@ def test_movable_things_can_be_grasped(entry: Entry) -> None:
 
 
 @pytest.mark.parametrize("entry", [e for e in ENTRIES if e.description.root.volumes], ids=named)
-def test_volumes_lie_inside(entry: Entry) -> None:
+def test_volumes_lie_inside(entry: CatalogueEntry) -> None:
     """A container volume lies within its body and meets none of the body's own solids but shelves."""
     low, high = entry.description.extent()
     for volume in entry.description.root.volumes:
@@ -77,7 +77,7 @@ def test_an_open_box_is_as_large_as_it_says(size: tuple[float, float, float], wa
 
 
 @pytest.mark.parametrize("entry", JOINTED, ids=named)
-def test_joints_open_outwards(entry: Entry) -> None:
+def test_joints_open_outwards(entry: CatalogueEntry) -> None:
     """Opening brings what a hand holds forward or upward, away from the thing, and never backward at first."""
     for body in entry.description.bodies[1:]:
         for handle in body.handles:
@@ -86,7 +86,7 @@ def test_joints_open_outwards(entry: Entry) -> None:
 
 
 @pytest.mark.parametrize("entry", JOINTED, ids=named)
-def test_closed_doors_lie_before_their_carcass(entry: Entry) -> None:
+def test_closed_doors_lie_before_their_carcass(entry: CatalogueEntry) -> None:
     """What turns is at most a hair inside the root's own solids when closed: it lies before them, or on them."""
     corners = np.stack([p.solid.aabb() for p in entry.description.root.parts if p.collides])
     front, top = corners[:, 1, 0].max(), corners[:, 1, 2].max()

@@ -21,7 +21,7 @@ from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.scene.discovery import Discoveries
 from mpvi_bt.scene.knowledge import LIKELY, Entry, KnowledgeBase
 from mpvi_bt.sim.world import Placement, World
-from mpvi_bt.things.catalogue import Entry as CatalogueEntry
+from mpvi_bt.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_discovery import Clock, Pose, body, disturbed
 

@@ -9,19 +9,19 @@ import pytest
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.rules.cutting import Cuttable
 from mpvi_bt.sim.future import future
-from mpvi_bt.things.catalogue import Catalogue, Entry
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
 
 PIECE = {"kind": "box", "at": [0, 0, 0.02], "size_m": [0.04, 0.04, 0.04]}
 CUBE: dict[str, Any] = {"color": "#ffffff", "pieces": [PIECE]}
-KNIFE = Entry(
+KNIFE = CatalogueEntry(
     name="knife", synset="knife.n.01", family="compound", shape={**CUBE, "pieces": [{**PIECE, "blade": True}]}
 )
 
 
-def entry(name: str, half: str | None = None, diced: str | None = None, cooks_to: str | None = None) -> Entry:
+def entry(name: str, half: str | None = None, diced: str | None = None, cooks_to: str | None = None) -> CatalogueEntry:
     """An entry that becomes others."""
     cut = Cuttable(half=half, diced=diced)
-    return Entry(name=name, synset=f"{name}.n.01", family="compound", shape=CUBE, cut=cut, cooks_to=cooks_to)
+    return CatalogueEntry(name=name, synset=f"{name}.n.01", family="compound", shape=CUBE, cut=cut, cooks_to=cooks_to)
 
 
 def test_a_whole_may_become_two_halves_and_the_dice_of_each() -> None:

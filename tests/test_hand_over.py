@@ -19,7 +19,7 @@ from mpvi_bt.robot.solids import Solid
 from mpvi_bt.scene.held import Held
 from mpvi_bt.scene.in_hand import InHand
 from mpvi_bt.scene.seen import Seen
-from mpvi_bt.scene.thing import Thing
+from mpvi_bt.scene.thing import SeenThing
 from mpvi_bt.shapes.shape import Shape
 from tests.small_house import small_world
 
@@ -56,7 +56,7 @@ def test_fingers_hold_what_keeps_them_apart_not_what_lies_in_it() -> None:
     for name, half, off in (("die 1", 0.01, 0.0), ("cup 1", 0.035, 0.04)):
         at = kin.transform(np.eye(3), T[:3, 3] + [0.0, 0.0, off])
         shape = Shape("box", at, (Solid("box", np.full(3, half), at),), 0.0)
-        seen._things[name] = Thing(name, name[:3], shape)
+        seen._things[name] = SeenThing(name, name[:3], shape)
     seen.feel(felt)
     assert seen.holding("left") == "cup 1"
 

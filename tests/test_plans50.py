@@ -13,7 +13,7 @@ import pytest
 from mpvi_bt import paths
 from mpvi_bt.completion import criteria
 from mpvi_bt.goals.formula import All, Formula, Literal, Not, Some, holds, literals
-from mpvi_bt.goals.problem import AGENT, Fact, Problem, load_problem
+from mpvi_bt.goals.problem import AGENT, BddlProblem, Fact, load_problem
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.human import human_stats
 from mpvi_bt.perception.phrases import Vocabulary, normalize
@@ -71,7 +71,7 @@ def plan_of(task: str) -> Plan:
 
 
 @cache
-def problem_of(task: str) -> Problem:
+def problem_of(task: str) -> BddlProblem:
     """The problem, with what is made on the way, and each room with a floor: things can be laid there in any case."""
     problem = load_problem(task)
     made = {f"{synset}_1": synset for synset in ON_THE_WAY.get(task, ())}

@@ -19,7 +19,7 @@ from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
 from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import All, Formula, Literal
-from mpvi_bt.goals.problem import Problem, activities, load_problem, parse_problem
+from mpvi_bt.goals.problem import BddlProblem, activities, load_problem, parse_problem
 from mpvi_bt.goals.vocabulary import behavior
 from mpvi_bt.instances.human import human_stats
 
@@ -46,7 +46,7 @@ TINY = """
 """
 
 
-def tiny(goal: str = "(inside cup.n.01_1 shelf.n.01_1)") -> Problem:
+def tiny(goal: str = "(inside cup.n.01_1 shelf.n.01_1)") -> BddlProblem:
     """A problem with that goal."""
     return parse_problem(TINY % goal, "tiny")
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 from mpvi_bt import paths
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.problem import Fact, Problem, load_problem, parse_problem
+from mpvi_bt.goals.problem import BddlProblem, Fact, load_problem, parse_problem
 from mpvi_bt.house.boards import ABOVE_M, ASKEW_RAD, FRONT_M, GAPS_M
 from mpvi_bt.house.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M, Ground
 from mpvi_bt.house.house import load_house
@@ -119,11 +119,11 @@ def test_scene_names_bind_each_fixture_once() -> None:
         assert PROBLEM.rooms[name] in (scene.removeprefix("floor_"), getattr(HOUSE.fixtures.get(scene), "room", None))
 
 
-def problem(text: str) -> Problem:
+def problem(text: str) -> BddlProblem:
     return parse_problem(text, "mine")
 
 
-def mine(init: str, objects: str = "can__of__soda.n.01_1 - can__of__soda.n.01", room: str = "kitchen") -> Problem:
+def mine(init: str, objects: str = "can__of__soda.n.01_1 - can__of__soda.n.01", room: str = "kitchen") -> BddlProblem:
     """A problem of one can, a floor and the robot."""
     return problem(
         f"""(define (problem mine_0) (:domain omnigibson)
@@ -182,7 +182,7 @@ HALL = small_house(cabinet="{entry: tall_cabinet, at: [-2.5, 1.0]}", table="{ent
 THINGS = {**BINDINGS, "book.n.02": "book", "wicker_basket.n.01": "wicker_basket"}
 
 
-def furnished(init: str, cans: int = 1) -> Problem:
+def furnished(init: str, cans: int = 1) -> BddlProblem:
     """A problem of cans, a book, a basket, a cabinet and a table; everything but the cans has its place."""
     names = [f"can__of__soda.n.01_{k + 1}" for k in range(cans)]
     facts = " ".join(init.format(name) for name in names)
@@ -190,7 +190,7 @@ def furnished(init: str, cans: int = 1) -> Problem:
     return problem(FURNISHED.format(objects=" ".join(names), init=f"{facts} {rest}"))
 
 
-def in_hall(of: Problem, seed: int) -> Start:
+def in_hall(of: BddlProblem, seed: int) -> Start:
     return sample(HALL, CATALOGUE, of, THINGS, np.random.default_rng(seed))
 
 
@@ -282,7 +282,7 @@ def test_doors_are_closed_but_for_what_init_has_open() -> None:
         (mine("(ontop can__of__soda.n.01_1 table.n.02_1)"), ":init does not say where table.n.02_1 is"),
     ],
 )
-def test_what_cannot_be_sampled_is_said(wrong: Problem, said: str) -> None:
+def test_what_cannot_be_sampled_is_said(wrong: BddlProblem, said: str) -> None:
     """Unknown rooms, missing fixtures and predicates that are not known yet are one clear error each."""
     with pytest.raises(UserError, match=said) as caught:
         sample(HOUSE, CATALOGUE, wrong, BINDINGS, np.random.default_rng(0))
@@ -327,7 +327,7 @@ def test_a_thing_too_broad_for_a_table_is_said() -> None:
 STARTS = [(name, instance) for name in paths.names("tasks") for instance in range(load_task(name).instances)]
 
 
-def drawn(name: str, instance: int) -> tuple[Problem, Start]:
+def drawn(name: str, instance: int) -> tuple[BddlProblem, Start]:
     """The first start of an instance for which there is room, with its problem."""
     task = load_task(name)
     of = load_problem(task.problem)

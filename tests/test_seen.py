@@ -20,7 +20,7 @@ from mpvi_bt.scene import seen as module
 from mpvi_bt.scene.hands import TOUCH
 from mpvi_bt.scene.occupancy import Occupancy
 from mpvi_bt.scene.seen import Seen
-from mpvi_bt.scene.thing import Thing
+from mpvi_bt.scene.thing import SeenThing
 from mpvi_bt.shapes.furniture_shape import furniture
 from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.world import World
@@ -167,8 +167,8 @@ def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> No
         shape = furniture(points)
         assert shape is not None
         name = f"table {k + 1}"
-        seen._things[name] = Thing(name, "table", shape)
-    seen._things["can 1"] = Thing("can 1", "can", shape, inside="table 2")
+        seen._things[name] = SeenThing(name, "table", shape)
+    seen._things["can 1"] = SeenThing("can 1", "can", shape, inside="table 2")
     look(world, seen)
     assert len(names(seen, "table")) == count
     assert seen._things["can 1"].inside == f"table {count}"

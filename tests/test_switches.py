@@ -13,7 +13,7 @@ from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.switches import PRESSED_STEPS, SWITCH_M
 from mpvi_bt.sim.world import World
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 
 AWAY = np.full((4, 3), 9.0)
@@ -79,7 +79,7 @@ APPLIANCES = [e for e in CATALOGUE if {"openable", "toggleable"} <= set(e.abilit
 
 @pytest.mark.parametrize("entry", APPLIANCES, ids=lambda e: e.name)
 @pytest.mark.parametrize(("opened", "kept"), [(0.0, True), (0.049, True), (0.051, False), (1.0, False)])
-def test_some_appliances_run_only_while_they_are_closed(entry: Entry, opened: float, kept: bool) -> None:
+def test_some_appliances_run_only_while_they_are_closed(entry: CatalogueEntry, opened: float, kept: bool) -> None:
     """One that is open past 5 % is not turned on, and one that is on goes off when it is opened, and stays off."""
     world = small_world(it=f"{{entry: {entry.name}, at: [2, 0], yaw_deg: 180}}")
     door = entry.description.bodies[1].name

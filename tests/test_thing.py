@@ -7,14 +7,14 @@ import pytest
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.solids import Solid
-from mpvi_bt.scene.thing import Thing, is_again
+from mpvi_bt.scene.thing import SeenThing, is_again
 from mpvi_bt.shapes.shape import Shape
 
 
-def box(name: str, middle: tuple[float, float, float], size: tuple[float, float, float]) -> Thing:
+def box(name: str, middle: tuple[float, float, float], size: tuple[float, float, float]) -> SeenThing:
     """A thing of that size [m] about that place; it is called as its name is, but for the number."""
     solid = Solid("box", np.array(size) / 2, kin.transform(np.eye(3), middle))
-    return Thing(name, name.rpartition(" ")[0], Shape("box", solid.T, (solid,), support_m=middle[2] - size[2] / 2))
+    return SeenThing(name, name.rpartition(" ")[0], Shape("box", solid.T, (solid,), support_m=middle[2] - size[2] / 2))
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def box(name: str, middle: tuple[float, float, float], size: tuple[float, float,
         (box("plate 2", (0.0, 0.0, 0.04), (0.2, 0.2, 0.08)), False),  # it is another kind of thing
     ],
 )
-def test_what_fills_the_same_space_is_the_same(other: Thing, again: bool) -> None:
+def test_what_fills_the_same_space_is_the_same(other: SeenThing, again: bool) -> None:
     """Whichever of the two was known first."""
     one = box("bowl 1", (0.0, 0.0, 0.04), (0.2, 0.2, 0.08))
     assert is_again(other, one) is again

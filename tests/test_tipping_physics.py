@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.sim.builder import build_object
 from mpvi_bt.sim.shaders import PHYSICS_HZ, new_scene
-from mpvi_bt.things.catalogue import Entry, load_catalogue
+from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
 
 BOTTLES = [entry for entry in load_catalogue() if entry.family == "bottle"]
 APART_M = 0.6
@@ -19,7 +19,7 @@ AT_M = 7.1  # as far from the origin as a room may be: there it is worse
 
 
 @pytest.mark.parametrize("entry", BOTTLES, ids=[entry.name for entry in BOTTLES])
-def test_a_bottle_that_is_let_go_of_on_a_slant_comes_to_stand(entry: Entry) -> None:
+def test_a_bottle_that_is_let_go_of_on_a_slant_comes_to_stand(entry: CatalogueEntry) -> None:
     """The engine adds energy as a rim rolls on a box: hardly damped (0.5/s), some of each kind fall over in 4 s."""
     scene = new_scene(render=False)
     ground = scene.create_actor_builder()
@@ -35,7 +35,7 @@ def test_a_bottle_that_is_let_go_of_on_a_slant_comes_to_stand(entry: Entry) -> N
     assert [k for k, bottle in enumerate(bottles) if bottle.pose.to_transformation_matrix()[2, 2] < 0.99] == []
 
 
-def let_go(scene: sapien.Scene, entry: Entry, share: float, azimuth: float, xy: np.ndarray) -> sapien.Entity:
+def let_go(scene: sapien.Scene, entry: CatalogueEntry, share: float, azimuth: float, xy: np.ndarray) -> sapien.Entity:
     """Put a bottle on a slant on the ground, a share of the angle that it topples at."""
     thing = build_object(scene, entry, "bottle", np.eye(4), render=False)
     entity = thing.entities[entry.description.root.name]

@@ -13,7 +13,7 @@ from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.sim.world import Placement, World
 from mpvi_bt.testing.scene_builder import HALF_M, one_room
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 # What counts as clearly open [rad or m]: an upright door, a flap, a drawer. What counts as closed [of the limit].
 _UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.2, 0.9, 0.2
@@ -212,7 +212,7 @@ def _stood(
     if entry.mass_kg is not None:
         low, high = (0.85, 1.15) if shapes == "tuning" else (0.75, 0.85)
         size = [round(s * float(rng.uniform(low, high)), 3) for s in entry.shape["size_m"]]
-        thing: Entry = entry.reshaped({"size_m": size})
+        thing: CatalogueEntry = entry.reshaped({"size_m": size})
         table = {"entry": "table", "at": [far - 0.28, y], "yaw_deg": 180}
         at = (far - 0.28 + rng.uniform(-0.12, 0.12), y + rng.uniform(-0.3, 0.3))
         objects = {"thing_1": placed(thing, at[0], at[1], 0.72, rng.uniform(-np.pi, np.pi))}
@@ -296,7 +296,7 @@ def _corners(world: World) -> np.ndarray:
     return np.concatenate([grid.reshape(-1, 3) for grid in grids])
 
 
-def draw_standing(rng: np.random.Generator, shapes: Shapes) -> Entry:
+def draw_standing(rng: np.random.Generator, shapes: Shapes) -> CatalogueEntry:
     """A movable thing that does not roll."""
     able = [e for e in things(shapes) if e.family in ("block", "can", "cup", "bowl", "bottle")]
     return able[rng.integers(len(able))]

@@ -14,7 +14,7 @@ from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import Placement, World
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 LIFTED_M = 0.05
 _AWAY_M = 0.15
@@ -47,18 +47,18 @@ def lowest(world: World, name: str) -> float:
     return float(min(solid.aabb()[0, 2] for solid in world.solids(name)))
 
 
-def one_hand(shapes: Shapes) -> list[Entry]:
+def one_hand(shapes: Shapes) -> list[CatalogueEntry]:
     """The things of a set of shapes that one hand can pick up."""
     return [entry for entry in things(shapes) if "fillable" not in entry.abilities]
 
 
-def draw_thing(rng: np.random.Generator, shapes: Shapes) -> Entry:
+def draw_thing(rng: np.random.Generator, shapes: Shapes) -> CatalogueEntry:
     """One of them."""
     entries = one_hand(shapes)
     return entries[rng.integers(len(entries))]
 
 
-def radius(entry: Entry) -> float:
+def radius(entry: CatalogueEntry) -> float:
     """Of the disc that a thing covers [m]."""
     low, high = entry.description.extent()
     return float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high))[:2]))
@@ -70,7 +70,7 @@ def crowd(
     middle: Array,
     rng: np.random.Generator,
     shapes: Shapes,
-    without: Entry | None = None,
+    without: CatalogueEntry | None = None,
 ) -> None:
     """Add up to eight other things within 25 cm of a place (u, v) on a surface, 2 cm and more from everything.
 
@@ -117,7 +117,7 @@ def pick_from(draw: Callable[[np.random.Generator], Surface], cluttered: bool = 
     return scene
 
 
-def _touching(surface: Surface, entry: Entry, rng: np.random.Generator) -> tuple[float, float]:
+def _touching(surface: Surface, entry: CatalogueEntry, rng: np.random.Generator) -> tuple[float, float]:
     """A yaw in the world, and the u at which the thing's back is a millimeter from the wall."""
     yaw = float(rng.integers(4)) * np.pi / 2
     low, high = entry.description.extent()

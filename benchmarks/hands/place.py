@@ -16,7 +16,7 @@ from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import Placement, World
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 _MOVED_M, _UPRIGHT = 0.10, 0.9
 _REACH_M = 0.3  # what is held sticks out so far before the body
@@ -60,7 +60,7 @@ def on(name: str, surface: str) -> Placed:
     return lambda world: world.touching(name, surface) and (ontop(world, name, surface) or inside(world, name, surface))
 
 
-def fits(entry: Entry, container: Entry) -> bool:
+def fits(entry: CatalogueEntry, container: CatalogueEntry) -> bool:
     """Whether a thing goes upright through a container's opening with a centimeter to spare on each side.
 
     A bar over the middle halves the opening.
@@ -74,7 +74,7 @@ def fits(entry: Entry, container: Entry) -> bool:
 
 
 def _trial(
-    entry: Entry, prompt: str, surface: Surface, at: Array, done: Callable[[World], str],
+    entry: CatalogueEntry, prompt: str, surface: Surface, at: Array, done: Callable[[World], str],
     objects: Mapping[str, Placement], name: str, rng: np.random.Generator, budget_s: float = 90.0,
 ) -> Trial:  # fmt: skip
     """A trial with a thing in one hand and the robot before a place (2,)."""

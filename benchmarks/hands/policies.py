@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.learned.policy import RECOVERY, WEIGHTS, LearnedPolicy, Recovery
+from mpvi_bt.learned.policy import RECOVERY, WEIGHTS, LearnedPolicy, StanceRecovery
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 from mpvi_bt.perception.segmentation import SegmentationDetector
@@ -43,7 +43,7 @@ def _reactive(world: World, seed: int, off_m: float) -> Policy:
 
 
 def _learned(
-    world: World, seed: int, off_m: float, weights: Path = WEIGHTS, recovery: Recovery = RECOVERY
+    world: World, seed: int, off_m: float, weights: Path = WEIGHTS, recovery: StanceRecovery = RECOVERY
 ) -> Policy:  # fmt: skip
     vocabulary = {e.name: e.phrases for e in world.knowledge()}
     return LearnedPolicy(load_skills(), SegmentationDetector(vocabulary, least_px=1), seed, weights, recovery)
@@ -54,9 +54,9 @@ POLICIES: Mapping[str, Maker] = {
     "reactive": Maker(_reactive, True),
     "learned": Maker(_learned, True),
     # Ablations of it.
-    "learned-one-hypothesis": Maker(partial(_learned, recovery=Recovery(hypotheses=1)), True),
-    "learned-one-try": Maker(partial(_learned, recovery=Recovery(tries=0)), True),
-    "learned-unrebased": Maker(partial(_learned, recovery=Recovery(rebases=False)), True),
+    "learned-one-hypothesis": Maker(partial(_learned, recovery=StanceRecovery(hypotheses=1)), True),
+    "learned-one-try": Maker(partial(_learned, recovery=StanceRecovery(tries=0)), True),
+    "learned-unrebased": Maker(partial(_learned, recovery=StanceRecovery(rebases=False)), True),
 }
 
 

@@ -15,7 +15,7 @@ from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.world import Placement
 from mpvi_bt.testing.scene_builder import HALF_M
-from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 _BODY_M = 0.38  # free around the base's center at every height
 _HEIGHTS_M = np.arange(0.05, 1.6, 0.1)
@@ -35,17 +35,17 @@ def things(shapes: Shapes) -> Catalogue:
     return load_catalogue(Path(__file__).parent / "shapes" / f"{shapes}.yaml")
 
 
-def placed(entry: Entry, x: float, y: float, z: float, yaw: float = 0.0) -> Placement:
+def placed(entry: CatalogueEntry, x: float, y: float, z: float, yaw: float = 0.0) -> Placement:
     """A thing, upright, its underside a millimeter above `z` [m]."""
     return Placement(entry, pose((x, y, z + 0.001), yaw))
 
 
-def called(entry: Entry) -> str:
+def called(entry: CatalogueEntry) -> str:
     """What a prompt calls a thing: the words of its name."""
     return entry.name.replace("_", " ")
 
 
-def name_in(objects: Mapping[str, Placement], entry: Entry) -> str:
+def name_in(objects: Mapping[str, Placement], entry: CatalogueEntry) -> str:
     """A name for one more thing in a scene, as BDDL would name it: "mug.n.04_1"."""
     return f"{entry.synset}_{sum(placement.entry.synset == entry.synset for placement in objects.values()) + 1}"
 

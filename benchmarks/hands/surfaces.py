@@ -12,7 +12,7 @@ from benchmarks.hands.rooms import placed
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import Placement
 from mpvi_bt.testing.scene_builder import HALF_M
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 _WALL_M = HALF_M - 0.05  # where the room's walls begin
 _SLACK_M = 0.001
@@ -55,7 +55,7 @@ class Surface:
         """(2,) x, y in the world of a place `u` [m] from the front edge, `v` to the left of the middle."""
         return (self.T @ [u, v, 0.0, 1.0])[:2]
 
-    def put(self, entry: Entry, spot: Array, yaw: float) -> Placement:
+    def put(self, entry: CatalogueEntry, spot: Array, yaw: float) -> Placement:
         """A thing standing at a place (u, v), turned by `yaw` [rad] in the world."""
         x, y = self.at(*spot.tolist()).tolist()
         return placed(entry, x, y, self.z, yaw)

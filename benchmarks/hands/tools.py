@@ -11,7 +11,7 @@ from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.sim.world import World
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import Entry, load_catalogue
+from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
 
 _CONTENTS_M = 0.03  # what is poured is no wider than this
 _SMALL_TOPS = ("nightstand", "chest_of_drawers")
@@ -22,17 +22,17 @@ _LEFT = 0.05  # share of a top that may be left out
 _TABLES = ("table", "breakfast_table", "coffee_table", "desk")
 
 
-def vessels(shapes: Shapes) -> list[Entry]:
+def vessels(shapes: Shapes) -> list[CatalogueEntry]:
     """What one hand can hold and something can be in."""
     return [entry for entry in things(shapes) if entry.family in ("cup", "bowl") and entry.shape["height_m"] > 0.05]
 
 
-def contents(shapes: Shapes) -> list[Entry]:
+def contents(shapes: Shapes) -> list[CatalogueEntry]:
     """Small things that roll or slide out of a vessel."""
     return [e for e in things(shapes) if np.ptp(np.array(e.description.extent()), axis=0).max() < _CONTENTS_M]
 
 
-def receivers(shapes: Shapes) -> list[Entry]:
+def receivers(shapes: Shapes) -> list[CatalogueEntry]:
     """What it is poured into."""
     return [entry for entry in things(shapes) if "fillable" in entry.abilities]
 
@@ -118,7 +118,7 @@ def _marks(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
 
 
-def _one(entries: list[Entry], rng: np.random.Generator) -> Entry:
+def _one(entries: list[CatalogueEntry], rng: np.random.Generator) -> CatalogueEntry:
     return entries[rng.integers(len(entries))]
 
 

@@ -15,7 +15,7 @@ from mpvi_bt.house.house import House
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.world import World
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 _LIFTED_M = 0.08
 _TABLES = ("table", "breakfast_table", "coffee_table", "desk")
@@ -27,7 +27,7 @@ def large_things(shapes: Shapes) -> Catalogue:
     return load_catalogue(Path(__file__).parent / "shapes" / f"large_{shapes}.yaml")
 
 
-def draw_large(rng: np.random.Generator, shapes: Shapes) -> Entry:
+def draw_large(rng: np.random.Generator, shapes: Shapes) -> CatalogueEntry:
     """One of them."""
     entries = list(large_things(shapes))
     return entries[rng.integers(len(entries))]

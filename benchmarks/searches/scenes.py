@@ -16,7 +16,7 @@ from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.scene.knowledge import Entry as Known
 from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.world import Placement
-from mpvi_bt.things.catalogue import Catalogue, Entry
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
 
 # What is looked for and lies about: named here, so that a catalogue that grows draws no other scenes.
 KINDS = (
@@ -121,7 +121,7 @@ class _Places:
         goals = object_goals(known["target"], start[:2], grid, Handoff())
         return any(np.isfinite(goal.score) for goal in goals)
 
-    def open(self, room: str, entry: Entry, rng: np.random.Generator) -> tuple[str, Array] | None:
+    def open(self, room: str, entry: CatalogueEntry, rng: np.random.Generator) -> tuple[str, Array] | None:
         """On the floor or on furniture of a room, wherever it is."""
         low, high = entry.description.extent()
         tops = self._tops(room) if np.ptp([low, high], axis=0)[:2].max() < 0.35 else []

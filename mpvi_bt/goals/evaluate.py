@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mpvi_bt.goals.formula import All, Formula, Literal, Truth, holds, literals, signed
 from mpvi_bt.goals.predicates import OF_HEAT
-from mpvi_bt.goals.problem import AGENT, Fact, Problem
+from mpvi_bt.goals.problem import AGENT, BddlProblem, Fact
 from mpvi_bt.goals.qscore import fraction, qscore
 
 Snapshot = Mapping[Literal, bool]
@@ -51,12 +51,12 @@ def conditions_met(conditions: Sequence[bool]) -> float:
     return sum(conditions) / len(conditions) if conditions else 1.0
 
 
-def snapshot(problem: Problem, truth: Truth) -> Snapshot:
+def snapshot(problem: BddlProblem, truth: Truth) -> Snapshot:
     """The truth of every literal of the goal now: take one at the start, one at the end."""
     return {literal: truth(literal) for literal in dict.fromkeys(literals(problem.goal))}
 
 
-def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
+def judge(problem: BddlProblem, start: Snapshot, end: Snapshot) -> GoalReport:
     """Score the goal from its snapshots at the start and at the end of an episode."""
     goal, now = problem.goal, end.__getitem__
     return GoalReport(
@@ -67,7 +67,7 @@ def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
     )
 
 
-def unmet(problem: Problem, truth: Truth) -> list[Fact]:
+def unmet(problem: BddlProblem, truth: Truth) -> list[Fact]:
     """Facts of :init that do not hold: what a sampler still has to mend.
 
     Left out: where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's
@@ -82,7 +82,7 @@ def unmet(problem: Problem, truth: Truth) -> list[Fact]:
     ]
 
 
-def early(problem: Problem, truth: Truth) -> list[Literal]:
+def early(problem: BddlProblem, truth: Truth) -> list[Literal]:
     """Literals that the goal wants true, that are true now, and that :init does not state: a start should have none."""
     stated = {fact.literal for fact in problem.init if fact.positive}
     return [

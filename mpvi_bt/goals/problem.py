@@ -23,13 +23,13 @@ from mpvi_bt.goals.problem_text import AGENT, read_problem
 from mpvi_bt.goals.vocabulary import ABSENT, ANY, BddlVocabulary, behavior
 from mpvi_bt.marked_yaml import read_text
 
-__all__ = ["AGENT", "Fact", "Problem", "activities", "load_problem", "parse_problem"]
+__all__ = ["AGENT", "BddlProblem", "Fact", "activities", "load_problem", "parse_problem"]
 
 _ACTIVITY = re.compile(r"bddl/activity_definitions/([^/]+)/problem0\.bddl$")
 
 
 @dataclass(frozen=True)
-class Problem:
+class BddlProblem:
     """One BDDL problem.
 
     Attributes:
@@ -46,7 +46,7 @@ class Problem:
     init: tuple[Fact, ...]
     goal_source: Expression
 
-    def expanded(self, counts: Mapping[str, int]) -> Problem:
+    def expanded(self, counts: Mapping[str, int]) -> BddlProblem:
         """The problem with wildcards written out.
 
         Args:
@@ -145,7 +145,7 @@ def distributed() -> Mapping[str, Path]:
     return {match[1]: Path(str(distribution.locate_file(file))) for match, file in found if match}
 
 
-def load_problem(activity: str, known: BddlVocabulary | None = None) -> Problem:
+def load_problem(activity: str, known: BddlVocabulary | None = None) -> BddlProblem:
     """Read an activity's problem.
 
     Args:
@@ -164,7 +164,7 @@ def load_problem(activity: str, known: BddlVocabulary | None = None) -> Problem:
     return parse_problem(read_text(files[activity]), activity, Findings(str(files[activity])), known)
 
 
-def parse_problem(text: str, name: str, findings: Findings | None = None, known: BddlVocabulary = ANY) -> Problem:
+def parse_problem(text: str, name: str, findings: Findings | None = None, known: BddlVocabulary = ANY) -> BddlProblem:
     """The problem of a text.
 
     Args:
@@ -177,4 +177,4 @@ def parse_problem(text: str, name: str, findings: Findings | None = None, known:
         FileProblems: Everything that is wrong with it.
     """
     read = read_problem(text, findings or Findings(name), known)
-    return Problem(name, read.objects, read.wildcards, read.init, read.goal)
+    return BddlProblem(name, read.objects, read.wildcards, read.init, read.goal)

@@ -29,7 +29,7 @@ _SYNSET = re.compile(r"(\S+\.[nvasr]\.\d\d)_(?:\d+|\*)$")  # of an object, as BE
 
 @dataclass(frozen=True)
 class ProblemText:
-    """What a text says. Attributes: as of `problem.Problem`."""
+    """What a text says. Attributes: as of `problem.BddlProblem`."""
 
     objects: Mapping[str, str]
     wildcards: Mapping[str, str]

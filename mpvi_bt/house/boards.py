@@ -18,7 +18,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, bounds, pose
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 # All our choice.
 DROP_M = 0.001  # things are let go of so far above what carries them
@@ -47,7 +47,7 @@ class MovableForm:
         openings: Its joints that are not closed: body to opening, 0 to 1.
     """
 
-    entry: Entry
+    entry: CatalogueEntry
     openings: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property

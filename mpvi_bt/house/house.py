@@ -16,7 +16,7 @@ from mpvi_bt.house.overlap import penetration
 from mpvi_bt.house.rooms import PANEL_M, Doorway, Rect, Room, Wall, shared_wall, walls
 from mpvi_bt.marked_yaml import Coordinate, Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue, shape_problems
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue, shape_problems
 from mpvi_bt.things.dimensions import Length, Rgb
 
 MIN_DOORWAY_M = 0.9
@@ -73,7 +73,7 @@ class Fixture:
     """
 
     name: str
-    entry: Entry
+    entry: CatalogueEntry
     room: str
     T_world_fixture: Array
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from mpvi_bt.errors import UserError
 from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.predicates import OF_HEAT
-from mpvi_bt.goals.problem import AGENT, Problem
+from mpvi_bt.goals.problem import AGENT, BddlProblem
 from mpvi_bt.house.house import House
 
 PLACES = ("ontop", "inside", "under")  # what :init may say of where a thing is,
@@ -15,12 +15,12 @@ STATES = ("open", "toggled_on", "covered", "insource")  # and of how it is, and 
 Groups = dict[tuple[str, str], list[str]]
 
 
-def with_all(problem: Problem, house: House) -> Problem:
+def with_all(problem: BddlProblem, house: House) -> BddlProblem:
     """A problem with its wildcards written out for a house."""
     return problem.expanded({s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()})
 
 
-def asked_for(house: House, problem: Problem) -> tuple[dict[str, str], Groups]:
+def asked_for(house: House, problem: BddlProblem) -> tuple[dict[str, str], Groups]:
     """BDDL name of every fixture and floor to its name in the house; and (predicate, place) to the things there.
 
     Carriers come before what they carry.
@@ -37,7 +37,7 @@ def asked_for(house: House, problem: Problem) -> tuple[dict[str, str], Groups]:
     return names, groups
 
 
-def scene_names(house: House, problem: Problem) -> dict[str, str]:
+def scene_names(house: House, problem: BddlProblem) -> dict[str, str]:
     """Binds the floors and fixtures of a problem to those of a house, room by room, in the order of their names.
 
     Raises:
@@ -59,7 +59,7 @@ def scene_names(house: House, problem: Problem) -> dict[str, str]:
     return bound
 
 
-def _groups(problem: Problem, names: Mapping[str, str]) -> Groups:
+def _groups(problem: BddlProblem, names: Mapping[str, str]) -> Groups:
     """(predicate, place) to the things that :init has there, in the order of the file, carriers before what they carry.
 
     Floors come last among them: what lies there leaves a way to the rest.

@@ -11,7 +11,7 @@ from scipy import ndimage
 from mpvi_bt.errors import BackendError
 from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
-from mpvi_bt.goals.problem import Problem, load_problem
+from mpvi_bt.goals.problem import BddlProblem, load_problem
 from mpvi_bt.goals.world_state import aabb
 from mpvi_bt.house.boards import MovableForm
 from mpvi_bt.house.ground import PASSAGE_M, REACH_M, TWO_HANDS_REACH_M
@@ -41,7 +41,7 @@ _ASIDE_M = 0.6  # so far from where the r1 begins, along x and along y, another 
 _STILL_M = 0.002  # what moves less in that time is at rest
 
 
-def expanded_problem(task: Task, house: House) -> Problem:
+def expanded_problem(task: Task, house: House) -> BddlProblem:
     """The task's problem, with its wildcards written out for the house."""
     return with_all(load_problem(task.problem), house)
 
@@ -50,7 +50,7 @@ def begin(
     task: Task,
     house: House,
     catalogue: Catalogue,
-    problem: Problem,
+    problem: BddlProblem,
     instance: int,
     split: Split = "public",
     *,
@@ -157,7 +157,7 @@ def come_to_rest(world: World, start: Start) -> list[str]:
     return moved
 
 
-def faults(world: World, start: Start, house: House, problem: Problem) -> Iterator[str]:
+def faults(world: World, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
     """Why a settled world will not do as the start of an episode, one line each."""
     truth = truth_in(world, start.scene_names)
     for fact in unmet(problem, truth):
@@ -172,7 +172,7 @@ def faults(world: World, start: Start, house: House, problem: Problem) -> Iterat
     yield from (f"{name} is out of the robot's reach" for name in _out_of_reach(world, start, house, problem))
 
 
-def _out_of_reach(world: World, start: Start, house: House, problem: Problem) -> Iterator[str]:
+def _out_of_reach(world: World, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
     """Things that are too far from wherever the robot can drive to, past all that stands on floors.
 
     What is on or in another movable thing has that carried, so that is what must be near.

@@ -10,7 +10,7 @@ import numpy as np
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.predicates import kind_of
-from mpvi_bt.goals.problem import Fact, Problem
+from mpvi_bt.goals.problem import BddlProblem, Fact
 from mpvi_bt.house.arranging import Arrangement
 from mpvi_bt.house.boards import MovableForm
 from mpvi_bt.house.house import House
@@ -19,7 +19,7 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.rules.grains import FILLED, space_m3
 from mpvi_bt.sim.future import future
 from mpvi_bt.sim.world import Placement
-from mpvi_bt.things.catalogue import Catalogue, Entry
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
 
 __all__ = ["OPEN", "Start", "sample", "scene_names"]
 
@@ -46,17 +46,17 @@ class Start:
     openings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     on: tuple[str, ...] = ()
     marks: tuple[tuple[str, str], ...] = ()
-    future: Mapping[str, Entry] = field(default_factory=dict)
+    future: Mapping[str, CatalogueEntry] = field(default_factory=dict)
 
 
-def marks_of(problem: Problem, names: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+def marks_of(problem: BddlProblem, names: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """What :init has covered, by names in the world, and with what."""
     facts = (fact.literal.args for fact in _facts(problem, "covered") if fact.positive)
     return tuple((names.get(thing, thing), problem.objects[kind]) for thing, kind in facts)
 
 
 def sample(
-    house: House, catalogue: Catalogue, problem: Problem, bindings: Mapping[str, str], rng: np.random.Generator
+    house: House, catalogue: Catalogue, problem: BddlProblem, bindings: Mapping[str, str], rng: np.random.Generator
 ) -> Start:
     """Draw one start.
 
@@ -104,18 +104,18 @@ def sample(
     )
 
 
-def _grains(substance: str, entry: Entry, vessel: Entry) -> list[str]:
+def _grains(substance: str, entry: CatalogueEntry, vessel: CatalogueEntry) -> list[str]:
     """Names of as many grains of a substance, whose first one has its name, as fill a vessel."""
     each = space_m3(entry.description.solids())
     enough = int(FILLED * space_m3(vessel.description.root.volumes) / each) + 1
     return [f"{kind_of(substance)}_{number}" for number in range(1, enough + 1)]
 
 
-def _facts(problem: Problem, predicate: str) -> list[Fact]:
+def _facts(problem: BddlProblem, predicate: str) -> list[Fact]:
     return [fact for fact in problem.init if fact.literal.predicate == predicate]
 
 
-def _bound(problem: Problem, catalogue: Catalogue, bindings: Mapping[str, str], name: str) -> Entry:
+def _bound(problem: BddlProblem, catalogue: Catalogue, bindings: Mapping[str, str], name: str) -> CatalogueEntry:
     synset = problem.objects[name]
     if synset not in bindings:
         raise UserError(f"{problem.name}: {name} is bound to no catalogue entry; bound: {', '.join(bindings)}")
@@ -123,7 +123,7 @@ def _bound(problem: Problem, catalogue: Catalogue, bindings: Mapping[str, str], 
 
 
 def _openings(
-    house: House, problem: Problem, names: Mapping[str, str], entries: Mapping[str, Entry]
+    house: House, problem: BddlProblem, names: Mapping[str, str], entries: Mapping[str, CatalogueEntry]
 ) -> dict[str, dict[str, float]]:
     """What :init has open, by BDDL name: its first joint is."""
     openings = {}

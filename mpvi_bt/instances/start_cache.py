@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from mpvi_bt import paths
 from mpvi_bt.errors import MpviError
 from mpvi_bt.goals.predicates import kind_of
-from mpvi_bt.goals.problem import Problem
+from mpvi_bt.goals.problem import BddlProblem
 from mpvi_bt.house import arranging, boards, ground
 from mpvi_bt.house.house import House
 from mpvi_bt.instances import sampling
@@ -56,7 +56,7 @@ class StartCache:
     """
 
     def __init__(
-        self, task: Task, house: House, catalogue: Catalogue, problem: Problem, instance: int, split: Split
+        self, task: Task, house: House, catalogue: Catalogue, problem: BddlProblem, instance: int, split: Split
     ) -> None:
         self._task, self._house, self._catalogue, self._problem = task, house, catalogue, problem
         parts = [

@@ -9,12 +9,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.errors import Problem as FileProblem
+from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.goals.formula import Literal, literals, signed
 from mpvi_bt.goals.predicates import OF_HEAT, check_known
-from mpvi_bt.goals.problem import Problem, activities, load_problem
+from mpvi_bt.goals.problem import BddlProblem, activities, load_problem
 from mpvi_bt.house.house import House, load_house
 from mpvi_bt.house.start_facts import asked_for, with_all
 from mpvi_bt.instances.human import human_stats
@@ -93,7 +92,7 @@ def check_task(data: Any, marks: Marks) -> Task:
     return task
 
 
-def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
+def _check_names(task: Task, marks: Marks) -> list[Problem]:
     """Names that the task takes from elsewhere."""
     known = {
         "problem": list(activities()),
@@ -112,7 +111,7 @@ def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
     return problems
 
 
-def _check_bindings(task: Task, problem: Problem, catalogue: Catalogue, marks: Marks) -> list[FileProblem]:
+def _check_bindings(task: Task, problem: BddlProblem, catalogue: Catalogue, marks: Marks) -> list[Problem]:
     """Every movable object's synset, and nothing else, is bound, each to an entry of that synset."""
     wanted = {problem.objects[name] for name in problem.bound}
     problems = []
@@ -132,7 +131,7 @@ def _check_bindings(task: Task, problem: Problem, catalogue: Catalogue, marks: M
     return problems
 
 
-def _check_playable(task: Task, problem: Problem, marks: Marks) -> list[FileProblem]:
+def _check_playable(task: Task, problem: BddlProblem, marks: Marks) -> list[Problem]:
     """The house has the rooms and fixtures that the problem names, starts can be sampled, the goal can be judged."""
     path = paths.find("tasks/houses", task.house)
     house = _house(path, path.stat().st_mtime_ns, load_catalogue())
@@ -150,7 +149,7 @@ def _check_playable(task: Task, problem: Problem, marks: Marks) -> list[FileProb
     return []
 
 
-def _check_heat(literal: Literal, task: Task, problem: Problem) -> None:
+def _check_heat(literal: Literal, task: Task, problem: BddlProblem) -> None:
     """Raise UserError where no rule can make a literal true of how warm a thing is, by its catalogue entry."""
     entry = load_catalogue().entries.get(task.bindings.get(problem.objects.get(literal.args[0], ""), ""))
     if entry is None:
@@ -163,7 +162,7 @@ def _check_heat(literal: Literal, task: Task, problem: Problem) -> None:
         raise UserError(f"no rule makes {literal}: {entry.name!r} has no heat: {{{field}: ...}}")
 
 
-def _check_made(task: Task, problem: Problem) -> None:
+def _check_made(task: Task, problem: BddlProblem) -> None:
     """Raise UserError where the goal wants a thing, or grains of a substance, that is not there and no rule makes."""
     catalogue = load_catalogue()
     bound = {name: catalogue.entries.get(task.bindings.get(problem.objects[name], "")) for name in problem.bound}

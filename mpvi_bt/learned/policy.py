@@ -38,7 +38,7 @@ _DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, so far fro
 
 
 @dataclass(frozen=True)
-class Recovery:
+class StanceRecovery:
     """What is done about a stance that does not work out. The benchmark of hands leaves out one of these at a time.
 
     Attributes:
@@ -52,7 +52,7 @@ class Recovery:
     rebases: bool = True
 
 
-RECOVERY = Recovery()
+RECOVERY = StanceRecovery()
 
 
 class LearnedPolicy:
@@ -70,7 +70,7 @@ class LearnedPolicy:
 
     def __init__(
         self, skills: Mapping[str, Skill], detector: Detector, seed: int = 0, weights: Path = WEIGHTS,
-        recovery: Recovery = RECOVERY,
+        recovery: StanceRecovery = RECOVERY,
     ) -> None:  # fmt: skip
         """Act by a file of weights, seeing through `detector`.
 

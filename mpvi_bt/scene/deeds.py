@@ -14,7 +14,7 @@ from mpvi_bt.shapes.shape import Shape
 
 
 @dataclass(frozen=True)
-class Places:
+class PlaceParameters:
     """When a place is one where something was put. Our choice, as odometry drifts from one standing place to the next.
 
     Attributes:
@@ -26,7 +26,7 @@ class Places:
     there_m: float = 0.1
 
 
-_PLACES = Places()
+_PLACES = PlaceParameters()
 
 
 @dataclass(eq=False)

@@ -19,7 +19,7 @@ from mpvi_bt.shapes.shape import Shape
 
 
 @dataclass(frozen=True)
-class Holding:
+class InHandParameters:
     """What of a picture is what a hand holds.
 
     Our choice, by things of the size that one hand holds.
@@ -41,7 +41,7 @@ class Holding:
     slanted_rad: tuple[float, float] = (0.06, 1.0)
 
 
-_HOLDING = Holding()
+_HOLDING = InHandParameters()
 
 
 class InHand:

@@ -30,7 +30,7 @@ from mpvi_bt.scene.hands import TOUCH, Hand, HandTracker, falls_into
 from mpvi_bt.scene.in_hand import InHand, is_of
 from mpvi_bt.scene.remembered import Remembered
 from mpvi_bt.scene.several_views import fitted
-from mpvi_bt.scene.thing import Thing, apart, is_again, is_part
+from mpvi_bt.scene.thing import SeenThing, apart, is_again, is_part
 from mpvi_bt.shapes.fit import fit
 from mpvi_bt.shapes.in_part import as_outside, in_part, shrunk
 from mpvi_bt.shapes.moving_parts import Door, to_and_behind
@@ -116,7 +116,7 @@ class Memory:
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
-        self._things: dict[str, Thing] = {}
+        self._things: dict[str, SeenThing] = {}
         self._count: dict[str, int] = {}
         for hand in self._hands.grips:
             self._hands.take(hand, None)
@@ -170,7 +170,7 @@ class Memory:
                 if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
                     self._put(thing, vessel)
 
-    def _recognize(self, side: Side, thing: Thing) -> bool:
+    def _recognize(self, side: Side, thing: SeenThing) -> bool:
         """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now.
 
         Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
@@ -195,7 +195,7 @@ class Memory:
         named = np.any([np.zeros(frame.robot.shape, bool), *(s.mask for s in frame.detections)], axis=0)
         return np.asarray(named & ~np.any([np.zeros(frame.robot.shape, bool), *fixed], axis=0))
 
-    def _holds(self, vessel: Thing, thing: Thing) -> bool:
+    def _holds(self, vessel: SeenThing, thing: SeenThing) -> bool:
         """Whether a vessel is so much larger, seen from above, that a thing may be in it.
 
         One basket may be known by two phrases of a prompt, as two things in one place: neither is in the other.
@@ -231,7 +231,7 @@ class Memory:
             self._hands.load(hand, n, shape if n == name else self._shape(n))
         self._deeds.take(hand, thing.phrase, shape.box().mean(0), shape.kind == "vessel")
 
-    def _take_along(self, vessel: Thing) -> None:
+    def _take_along(self, vessel: SeenThing) -> None:
         """What pictures show in a vessel that a hand takes is as good as a part of the robot: it goes along."""
         if not (others := self._contents(vessel.name)):
             return
@@ -271,7 +271,7 @@ class Memory:
             self._deeds.put_down(hand, thing.phrase, self._shape(name).box(), dropped)
         self._deeds.empty(hand)
 
-    def _fall(self, thing: Thing) -> None:
+    def _fall(self, thing: SeenThing) -> None:
         """What was let go of falls into what is below it, if that is open there."""
         others = [other for other in self._things.values() if other is not thing]
         rooms = [(other, volume.aabb()) for other in others for volume in self.volumes(other.name)]
@@ -286,13 +286,13 @@ class Memory:
         if other.shape.kind == "vessel":
             self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), self._hands.holder(other.name))
 
-    def _put(self, thing: Thing, container: str) -> None:
+    def _put(self, thing: SeenThing, container: str) -> None:
         """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""
         thing.inside = container
         if (hand := self._hands.holder(container)) is not None:
             self._hands.load(hand, thing.name, thing.shape)
 
-    def _known(self, name: str) -> Thing:
+    def _known(self, name: str) -> SeenThing:
         """A thing. Raises MotionFailure "lost_sight" if it is not where it was seen any more."""
         if name not in self._things:
             raise MotionFailure("lost_sight")
@@ -361,7 +361,7 @@ class Memory:
                 for inner in (t for t in self._things.values() if t.inside == thing.name):
                     inner.inside = first.name
 
-    def _opened(self, thing: Thing, points: Array) -> bool:
+    def _opened(self, thing: SeenThing, points: Array) -> bool:
         """Whether points (n, 3) may be those of a thing that was closed and of which a door stands open now.
 
         Of what was known by its front alone, most of what shows then is far from that: its door, and what is behind.
@@ -384,9 +384,9 @@ class Memory:
             name = f"{phrase} {self._count[phrase]}"
             view = (frame, mask)
             inner = [view] if shape.volumes else []
-            self._things[name] = Thing(name, phrase, shape, [view], inner, lowest_m=shape.support_m)
+            self._things[name] = SeenThing(name, phrase, shape, [view], inner, lowest_m=shape.support_m)
 
-    def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+    def _update(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See a thing again; what is in hand is known better by the hand."""
         if thing.name in self._hands.names():
             self._regard(thing, frame, mask)
@@ -416,7 +416,7 @@ class Memory:
             if container is not None and self._lies_in(shape, container):
                 self._put(thing, container)
 
-    def _regard(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+    def _regard(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
         for hand, shown in self._shown.items():
             if self._hands.held(hand) == thing.name:

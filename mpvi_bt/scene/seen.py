@@ -26,7 +26,7 @@ from mpvi_bt.scene.frames import FLOOR_M, Frame
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
 from mpvi_bt.scene.memory import Memory
 from mpvi_bt.scene.several_views import View
-from mpvi_bt.scene.thing import Thing
+from mpvi_bt.scene.thing import SeenThing
 from mpvi_bt.shapes.box_lids import lid
 from mpvi_bt.shapes.fronts import fronts, switch
 from mpvi_bt.shapes.layers import layers
@@ -381,7 +381,7 @@ class Seen(Memory):
         self._focus = found[0][1] if found else self._focus
         return [spot for _, spot in found]
 
-    def _views(self, thing: Thing) -> list[View]:
+    def _views(self, thing: SeenThing) -> list[View]:
         """What the head has seen of a thing, and of the room in it."""
         before = [(f, m) for f, m in thing.inner if all(f is not g for g, _ in thing.views)]
         return [(f, m) for f, m in (*before, *thing.views) if f.image.camera == "head"]

@@ -35,7 +35,7 @@ _SAME = Sameness()
 
 
 @dataclass(eq=False)
-class Thing:
+class SeenThing:
     """One thing that was seen.
 
     Attributes:
@@ -64,7 +64,7 @@ def apart(part: Array, whole: cKDTree) -> float:
     return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
 
 
-def is_again(thing: Thing, other: Thing) -> bool:
+def is_again(thing: SeenThing, other: SeenThing) -> bool:
     """Whether a thing is another once more: the ends of a table, seen by head and hand, are no two tables.
 
     Nor are the foot of a coffee maker and its top, with the kettle before it, two coffee makers once all of it is seen.
@@ -79,7 +79,7 @@ def is_again(thing: Thing, other: Thing) -> bool:
     return bool((shared > (_SAME.shared if large else _SAME.alike) * np.minimum(high - low, high2 - low2)).all())
 
 
-def is_part(thing: Thing, furniture: Thing) -> bool:
+def is_part(thing: SeenThing, furniture: SeenThing) -> bool:
     """Whether a thing is but a part of furniture of that name: a leg of a table, seen by a hand, is no other table."""
     if thing.phrase != furniture.phrase or thing.shape.kind == "furniture" or furniture.shape.kind != "furniture":
         return False

@@ -102,7 +102,7 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Leaf:
+class OpenLeaf:
     """What stands open of a thing.
 
     Attributes:
@@ -116,7 +116,7 @@ class Leaf:
     front_m: float
 
 
-def leaf(points: Array, eye: Array) -> Leaf | None:
+def leaf(points: Array, eye: Array) -> OpenLeaf | None:
     """What stands open of a thing.
 
     Args:
@@ -141,7 +141,7 @@ def leaf(points: Array, eye: Array) -> Leaf | None:
     return found
 
 
-def with_leaf(fronts: Sequence[Door], found: Leaf | None) -> list[Door]:
+def with_leaf(fronts: Sequence[Door], found: OpenLeaf | None) -> list[Door]:
     """Fronts that were told by their bars, with what stands open, which tells more: the others there are closed.
 
     Closed fronts that lie elsewhere than where it hangs speak against it.
@@ -214,7 +214,7 @@ def _steep(points: Array) -> NDArray[np.bool_]:
 
 def _explained(
     points: Array, steep: NDArray[np.bool_], eye: Array, out: Array, most: float
-) -> tuple[float, Leaf | None]:
+) -> tuple[float, OpenLeaf | None]:
     """How many points a body whose front faces `out`, with what hangs on it, explains, and that; 0 if surely no more.
 
     Args:
@@ -255,7 +255,7 @@ def _explained(
     solids = tuple(s.moved(T) for s in door.solids)
     origin, axis = matmul(R, door.origin), matmul(R, door.axis)
     door = Door(door.name, door.kind, origin, axis, door.position, door.limit, None, solids)
-    return explained + share * len(ahead), Leaf(door, out, front)
+    return explained + share * len(ahead), OpenLeaf(door, out, front)
 
 
 def _opening(door: Door, body: Array, front: float) -> tuple[int, int]:

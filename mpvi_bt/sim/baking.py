@@ -8,7 +8,7 @@ from mpvi_bt.goals.predicates import covered, ontop
 from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.rules.recipes import Recipe, baked
 from mpvi_bt.sim.presence import Presence
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 _LOOKS_STEPS = 30  # control steps between two looks at what lies on a thing
 
@@ -19,7 +19,7 @@ class Baking:
     def __init__(
         self,
         presence: Presence,
-        entries: Mapping[str, Entry],
+        entries: Mapping[str, CatalogueEntry],
         in_oven: Callable[[str], bool],
         became: Callable[[str, str], None],
     ) -> None:

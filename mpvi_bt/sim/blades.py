@@ -15,7 +15,7 @@ from mpvi_bt.rules.cutting import Slicer, cut, rearmed
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.presence import Presence
 from mpvi_bt.sim.shaders import PHYSICS_HZ
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 
 PUSH_N = 1.0  # Our choice: a knife that lies beside a thing does not cut it (OmniGibson's does at a touch)
 _BLADE_M = 0.004  # a contact so near to a blade is on it
@@ -27,7 +27,11 @@ class Blades:
     """What blades do to the things of a world."""
 
     def __init__(
-        self, scene: sapien.Scene, presence: Presence, entries: Mapping[str, Entry], became: Callable[[str, str], None]
+        self,
+        scene: sapien.Scene,
+        presence: Presence,
+        entries: Mapping[str, CatalogueEntry],
+        became: Callable[[str, str], None],
     ) -> None:
         """Every blade is sharp.
 
@@ -108,11 +112,11 @@ class Blades:
             if (made := self._presence.appear(into, matmul(T, place), motion)) is not None:
                 self._became(name, made)
 
-    def _next(self, kind: str) -> Entry:
+    def _next(self, kind: str) -> CatalogueEntry:
         return next(entry for entry in self._entries.values() if entry.name == kind)
 
 
-def entry_size(entry: Entry) -> Array:
+def entry_size(entry: CatalogueEntry) -> Array:
     """(3,) what a thing measures along its axes [m]."""
     low, high = entry.description.extent()
     return np.asarray(high - low)

@@ -12,7 +12,7 @@ import sapien
 from mpvi_bt.house.house import House
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 from mpvi_bt.things.description import Color, Description, Part, PartsOfBody, RigidBody, Skin
 from mpvi_bt.things.meshes import faceted, meshes
 
@@ -208,7 +208,7 @@ def build_house(scene: sapien.Scene, house: House, render: bool) -> dict[str, Th
     return things
 
 
-def build_object(scene: sapien.Scene, entry: Entry, name: str, T: Array, render: bool) -> Thing:
+def build_object(scene: sapien.Scene, entry: CatalogueEntry, name: str, T: Array, render: bool) -> Thing:
     """Build a movable object with its body frame at `T` (4, 4, body to world).
 
     Raises:
@@ -237,7 +237,7 @@ class _Builder:
         self._show(entity, description.root)
         return Thing(name, synset, description, {description.root.name: entity})
 
-    def movable(self, entry: Entry, name: str, T: Array) -> Thing:
+    def movable(self, entry: CatalogueEntry, name: str, T: Array) -> Thing:
         if entry.mass_kg is None:
             raise ValueError(f"{entry.name} has no mass in the catalogue: it is a fixture")
         description = entry.description

@@ -9,7 +9,7 @@ from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.sim.holding import distance
 from mpvi_bt.sim.presence import Presence
-from mpvi_bt.things.catalogue import SUBSTANCE, Entry
+from mpvi_bt.things.catalogue import SUBSTANCE, CatalogueEntry
 
 _LOOKS_STEPS = 5  # control steps between two looks, as of temperatures
 _NEAR_M = 0.4  # from a vessel's origin to whatever is in it, at the most
@@ -21,7 +21,9 @@ class Cooking:
     A kernel itself would have to come to 93 degrees, which a microwave never does (OmniGibson, transition_rules.py).
     """
 
-    def __init__(self, presence: Presence, entries: Mapping[str, Entry], became: Callable[[str, str], None]) -> None:
+    def __init__(
+        self, presence: Presence, entries: Mapping[str, CatalogueEntry], became: Callable[[str, str], None]
+    ) -> None:
         """Nothing is cooked yet.
 
         Args:

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.things.catalogue import Catalogue, Entry
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
 
 _DEEPEST = 5  # steps from a thing to what becomes of it; more is a circle, such as a half that is cut into wholes
 
 
-def future(catalogue: Catalogue, entries: Mapping[str, Entry]) -> dict[str, Entry]:
+def future(catalogue: Catalogue, entries: Mapping[str, CatalogueEntry]) -> dict[str, CatalogueEntry]:
     """Everything that may come to be of things, under the names that it will have: its synset and a number each.
 
     Args:
@@ -32,7 +32,7 @@ def future(catalogue: Catalogue, entries: Mapping[str, Entry]) -> dict[str, Entr
     return out
 
 
-def _becomes(catalogue: Catalogue, entry: Entry, sharp: bool, depth: int = 0) -> Iterator[Entry]:
+def _becomes(catalogue: Catalogue, entry: CatalogueEntry, sharp: bool, depth: int = 0) -> Iterator[CatalogueEntry]:
     """All that one thing may become, step by step, each as often as there may be of it; where nothing is `sharp`,
     uncut.
     """

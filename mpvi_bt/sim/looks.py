@@ -22,7 +22,7 @@ _FLAMES: tuple[tuple[float, float, Color], ...] = (  # height [m], diameter [m],
 _AWAY = pose((0.0, 0.0, -9.0))  # below the floor, out of every picture
 
 
-class Looks:
+class ThermalLooks:
     """How warm things look; built for cameras only."""
 
     def __init__(self, scene: sapien.Scene, things: Mapping[str, Thing], kinds: Mapping[str, Thermal]) -> None:

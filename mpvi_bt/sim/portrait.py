@@ -10,7 +10,7 @@ from mpvi_bt.sim.builder import show
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.views import look_at
-from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.catalogue import CatalogueEntry
 from mpvi_bt.things.description import PartsOfBody
 
 _FLOOR = (0.93, 0.92, 0.9)
@@ -19,7 +19,7 @@ _FOV_RAD = 0.5
 _FROM = np.array([1.0, -0.75, 0.7])  # of the camera, from a thing whose front looks along x
 
 
-def portrait(entry: Entry, size: tuple[int, int] = (320, 240)) -> np.ndarray:
+def portrait(entry: CatalogueEntry, size: tuple[int, int] = (320, 240)) -> np.ndarray:
     """A picture of a thing, its doors ajar; (height, width, 3) bytes.
 
     Args:

@@ -30,7 +30,7 @@ from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.cooking import Cooking
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
-from mpvi_bt.sim.looks import Looks
+from mpvi_bt.sim.looks import ThermalLooks
 from mpvi_bt.sim.marking import Marking, MarkTools
 from mpvi_bt.sim.mounting import Mounts
 from mpvi_bt.sim.patches import patch_of
@@ -40,7 +40,7 @@ from mpvi_bt.sim.sim_robot import SimRobot
 from mpvi_bt.sim.switches import Switches
 from mpvi_bt.sim.temperatures import Temperatures
 from mpvi_bt.sim.whereabouts import Whereabouts
-from mpvi_bt.things.catalogue import SUBSTANCE, Entry
+from mpvi_bt.things.catalogue import SUBSTANCE, CatalogueEntry
 from mpvi_bt.things.description import Handle
 
 ROBOT = "robot"  # among the names of `World.contacts`
@@ -57,7 +57,7 @@ class Placement:
         T_world: (4, 4) its pose.
     """
 
-    entry: Entry
+    entry: CatalogueEntry
     T_world: Array
 
 
@@ -81,7 +81,7 @@ class World(StepClock):
         assisted: bool = False,
         scene: sapien.Scene | None = None,
         robot: RobotModel = R1,
-        future: Mapping[str, Entry] | None = None,
+        future: Mapping[str, CatalogueEntry] | None = None,
     ) -> None:
         """Build everything; nothing has moved yet.
 
@@ -128,7 +128,7 @@ class World(StepClock):
             {n: e.sprays for n, e in entries.items() if e.sprays is not None},
         )
         self._marking = Marking(self._things, tools)
-        self._looks = Looks(self._scene, self._things, kinds) if render else None
+        self._looks = ThermalLooks(self._scene, self._things, kinds) if render else None
         if self.cameras is not None and self._looks is not None:
             self.cameras.names = {**self.cameras.names, **self._looks.labels}
         self._mounting = Mounts(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})

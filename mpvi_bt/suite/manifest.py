@@ -21,7 +21,7 @@ from mpvi_bt.instances.splits import hidden_seed
 from mpvi_bt.instances.tasks import Task, load_task
 from mpvi_bt.marked_yaml import Record, load_marked
 from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.things.catalogue import Entry, load_catalogue
+from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
 
 FILE = "manifest.json"
 _MOST = 4  # differences that a message shows
@@ -163,7 +163,7 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
     return found | {f"catalogue entry {name}": _hash(entry_content(catalogue[name])) for name in sorted(used)}
 
 
-def entry_content(entry: Entry) -> dict[str, Any]:
+def entry_content(entry: CatalogueEntry) -> dict[str, Any]:
     """All that an entry is, wherever it lies: of a mesh what is in its file, not the file's place."""
     told = entry.model_dump()
     if file := entry.shape.get("file"):

@@ -14,7 +14,7 @@ from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import pose
-from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 if TYPE_CHECKING:
     from mpvi_bt.scene.true_scene import TrueScene
@@ -44,7 +44,7 @@ class SceneBuilder:
     def __init__(self, catalogue: Catalogue | None = None) -> None:
         self._catalogue = _shipped() if catalogue is None else catalogue
         self._fixtures: dict[str, dict[str, Any]] = {}
-        self._things: dict[str, tuple[Entry, tuple[float, float, float], float]] = {}
+        self._things: dict[str, tuple[CatalogueEntry, tuple[float, float, float], float]] = {}
         self._held: dict[Side, str] = {}
         self._filled: dict[str, list[str]] = {}
         self._opened: dict[tuple[str, str], float] = {}
@@ -69,7 +69,11 @@ class SceneBuilder:
         return self
 
     def thing(
-        self, name: str, entry: str | Entry, at: tuple[float, float, float] = (-2.0, -2.0, 0.001), yaw: float = 0.0
+        self,
+        name: str,
+        entry: str | CatalogueEntry,
+        at: tuple[float, float, float] = (-2.0, -2.0, 0.001),
+        yaw: float = 0.0,
     ) -> Self:
         """A movable thing, upright.
 

@@ -80,7 +80,7 @@ class CatalogueFile(Record):
     entries: dict[str, EntryFile]
 
 
-class Entry(EntryFile):
+class CatalogueEntry(EntryFile):
     """One kind of thing.
 
     Attributes:
@@ -106,25 +106,25 @@ class Entry(EntryFile):
         baked = None if self.bakes is None else self.bakes.into
         return [(name, 1) for name in (self.cooks_to, baked) if name is not None]
 
-    def reshaped(self, changes: Mapping[str, Any]) -> Entry:
+    def reshaped(self, changes: Mapping[str, Any]) -> CatalogueEntry:
         """The same kind of thing with other dimensions or colors."""
         return self.changed(shape={**self.shape, **changes}) if changes else self
 
-    def changed(self, **fields: Any) -> Entry:
+    def changed(self, **fields: Any) -> CatalogueEntry:
         """The same with other fields."""
-        return Entry(**{**self.model_dump(), **fields})
+        return CatalogueEntry(**{**self.model_dump(), **fields})
 
 
 class Catalogue:
     """Entries by name, and by synset."""
 
-    def __init__(self, entries: Mapping[str, Entry]) -> None:
+    def __init__(self, entries: Mapping[str, CatalogueEntry]) -> None:
         self.entries = dict(entries)
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[CatalogueEntry]:
         return iter(self.entries.values())
 
-    def __getitem__(self, name: str) -> Entry:
+    def __getitem__(self, name: str) -> CatalogueEntry:
         """The entry of that name.
 
         Raises:
@@ -152,7 +152,7 @@ def load_catalogue(path: str | Path | None = None) -> Catalogue:
 @lru_cache(maxsize=2)
 def _merged(files: tuple[tuple[Path, int], ...]) -> Catalogue:
     """The catalogue of files as they were last changed: a suite loads many tasks, each of which asks for it."""
-    entries: dict[str, Entry] = {}
+    entries: dict[str, CatalogueEntry] = {}
     for file, _ in reversed(files):
         entries |= load_catalogue(file).entries
     return Catalogue(entries)
@@ -162,7 +162,7 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     """As `load_catalogue`, of data that is already loaded."""
     file = validate_data(data, marks, CatalogueFile)
     problems: list[Problem] = []
-    entries: dict[str, Entry] = {}
+    entries: dict[str, CatalogueEntry] = {}
     for name, given in file.entries.items():
         place: Location = ("entries", name)
         for i, ability in enumerate(given.abilities):
@@ -175,7 +175,7 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        entry = Entry(name=name, **{**dict(given), "phrases": tuple(phrases), "shape": shape})
+        entry = CatalogueEntry(name=name, **{**dict(given), "phrases": tuple(phrases), "shape": shape})
         entries[name] = entry
         if not problems:
             problems += _tool_problems(entry, place, marks)
@@ -186,7 +186,7 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     return Catalogue(entries)
 
 
-def _tool_problems(entry: Entry, place: Location, marks: Marks) -> Iterator[Problem]:
+def _tool_problems(entry: CatalogueEntry, place: Location, marks: Marks) -> Iterator[Problem]:
     """A sprayer that nobody can turn on, a mount that faces the way that it says is up."""
     for i, mount in enumerate(entry.mounts):
         if mount.facing.strip("-") == mount.up.strip("-"):
@@ -196,7 +196,7 @@ def _tool_problems(entry: Entry, place: Location, marks: Marks) -> Iterator[Prob
         yield marks.problem((*place, "sprays"), "impossible-sprayer", "it sprays while it is on, and has no switch")
 
 
-def _source_problems(entry: Entry, source: Source, place: Location, marks: Marks) -> Iterator[Problem]:
+def _source_problems(entry: CatalogueEntry, source: Source, place: Location, marks: Marks) -> Iterator[Problem]:
     """What a source asks for that its thing does not have."""
     bodies = entry.description.bodies
     wanted = {

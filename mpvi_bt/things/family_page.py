@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpvi_bt.marked_yaml import Coordinate
-from mpvi_bt.things.catalogue import Catalogue, Entry
+from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
 from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
 from mpvi_bt.things.families import FAMILIES, Family
 
@@ -65,7 +65,7 @@ class FamilyInfo:
     name: str
     about: str
     parameters: Mapping[str, str]
-    example: Entry | None
+    example: CatalogueEntry | None
 
 
 def families(catalogue: Catalogue) -> list[FamilyInfo]:

@@ -23,7 +23,7 @@ from mpvi_bt.robot.solids import Array
 
 
 @dataclass(frozen=True)
-class Carrying:
+class CarryParameters:
     """How things are carried.
 
     Our choice: what is carried keeps from what stands around, if it can, for arms give way, and what hooks on a chair
@@ -58,7 +58,7 @@ class Carrying:
     swung: int = 3
 
 
-_CARRY = Carrying()
+_CARRY = CarryParameters()
 # Off the middle of a hand's way home, y toward its own side [m]. Our choice: straight first, then
 # around and over what is beside it.
 _DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])

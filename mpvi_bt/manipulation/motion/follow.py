@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.stance.course import Course, Start
+from mpvi_bt.manipulation.stance.course import Course, CourseStart
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.drives import in_base_frame
 from mpvi_bt.robot.linear_algebra import matmul, norm
@@ -63,7 +63,7 @@ class Following:
 FOLLOW = Following()
 
 
-def take_up(work: Work, start: Start, side: Side, idle: Side | None) -> Actions:
+def take_up(work: Work, start: CourseStart, side: Side, idle: Side | None) -> Actions:
     """Go to where a course begins, the hand short of the touch.
 
     Raises:

@@ -32,7 +32,7 @@ Choose = Callable[[Body, Array, NDArray[np.intp], Array], Iterable[tuple[int, Ar
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class HoldOutParameters:
     """Where a hand holds something out, besides where it has it.
 
     Attributes:
@@ -56,13 +56,15 @@ class Places:
 
 
 # Our choice: before the chest, where both arms reach.
-VESSEL = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57),
+VESSEL = HoldOutParameters((0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57),
                 ((0.50, 0.14, 0.72), (0.45, 0.24, 0.72), (0.55, 0.24, 0.72), (0.50, 0.14, 0.82)), 24, 120)  # fmt: skip
-THING = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.8, -1.8),
+THING = HoldOutParameters((0.0, 0.6, -0.6, 1.2, -1.2, 1.8, -1.8),
                ((0.48, 0.06, 0.80), (0.55, 0.12, 0.90), (0.45, 0.14, 0.72)), 12, 150)  # fmt: skip
 
 
-def meet(work: Work, holder: Side, places: Places, goals: Array, choose: Choose) -> Generator[Array, None, int]:
+def meet(
+    work: Work, holder: Side, places: HoldOutParameters, goals: Array, choose: Choose
+) -> Generator[Array, None, int]:
     """Hold out what a hand holds and bring the other hand there, the base standing still.
 
     Args:

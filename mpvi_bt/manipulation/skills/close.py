@@ -20,7 +20,7 @@ from mpvi_bt.manipulation.skills.openings import (
     thing_meant,
 )
 from mpvi_bt.manipulation.skills.push_courses import PUSH, pushes
-from mpvi_bt.manipulation.stance.course import Course, Start
+from mpvi_bt.manipulation.stance.course import Course, CourseStart
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
@@ -174,7 +174,7 @@ def _beyond(work: Work, door: Door) -> float:
 
 
 def _push_home(
-    work: Work, door: Door, course: Course, start: Start, side: Side, idle: Side | None
+    work: Work, door: Door, course: Course, start: CourseStart, side: Side, idle: Side | None
 ) -> Generator[Array, None, bool]:
     motion, way = work.motion, door.position + _beyond(work, door)
     held_up, left = 0, door.position

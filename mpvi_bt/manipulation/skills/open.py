@@ -20,7 +20,7 @@ from mpvi_bt.manipulation.skills.openings import (
     stands_as,
     thing_meant,
 )
-from mpvi_bt.manipulation.stance.course import AROUND_M, Course, CourseSearch, Start
+from mpvi_bt.manipulation.stance.course import AROUND_M, Course, CourseSearch, CourseStart
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
@@ -215,7 +215,7 @@ def _trying(doing: Actions, failures: list[MotionFailure]) -> Actions:
 
 def _beginning(
     work: Work, thing: str, door: Door, bar: Bar, to: float, tried: Sequence[Array], hand: str | None
-) -> tuple[Side, Start, Course, CourseSearch] | None:
+) -> tuple[Side, CourseStart, Course, CourseSearch] | None:
     courses = swings(door, bar, to)
     for side in sides(work, door, thing, hand):
         search = course_search(work, thing, door, side, tried, bendable=not upright(door) and door.kind == "hinge")

@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.motion.follow import FOLLOW, go_along, resistance, tak
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Words, Work
 from mpvi_bt.manipulation.skills.open import then_leave
-from mpvi_bt.manipulation.stance.course import AROUND_M, SHORT_M, Course, CourseSearch, Start
+from mpvi_bt.manipulation.stance.course import AROUND_M, SHORT_M, Course, CourseSearch, CourseStart
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings, covering_spheres
 from mpvi_bt.robot.hand import Hand
@@ -183,7 +183,7 @@ def _reach(solids: Sequence[Solid], toward: Array, at: Array) -> float:
 
 def _beginning(
     work: Work, name: str, way: Array, tried: list[Array], hand: str | None
-) -> tuple[Side, Start, Push, CourseSearch]:
+) -> tuple[Side, CourseStart, Push, CourseSearch]:
     courses = pushes(work.motion.robot.hand, work.scene.solids(name), way)
     at, here = work.middle(name)[:2], work.motion.felt.base_pose
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0]))

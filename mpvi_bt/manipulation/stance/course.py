@@ -121,7 +121,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class CourseStart:
     """Where a course can begin.
 
     Attributes:
@@ -158,7 +158,7 @@ class CourseSearch(Site):
     stays: Sequence[Solid] = ()
     bendable: bool = False
 
-    def start(self, courses: Sequence[Course]) -> Start | None:
+    def start(self, courses: Sequence[Course]) -> CourseStart | None:
         """A good place to begin one of `courses` from, which lead the same thing along; None if there is none."""
         if not courses:
             return None
@@ -208,7 +208,7 @@ class CourseSearch(Site):
 
     def _begin(
         self, base: Array, route: list[Array], courses: Sequence[Course], hold: list[Array]
-    ) -> tuple[Start | None, float]:
+    ) -> tuple[CourseStart | None, float]:
         """A start there; and what looking for it took, 1 for a full check."""
         back = route[-1]
         T = kin.inverse(kin.base(base))
@@ -262,7 +262,7 @@ class CourseSearch(Site):
             for margin in WAY_MARGINS_M:
                 path = arm_motion.plan(stood.body, self.side, short, self.rng, margin)
                 if path is not None:
-                    return Start(base, route, torso, after, where[1], path, hold, stood.level), 1.0
+                    return CourseStart(base, route, torso, after, where[1], path, hold, stood.level), 1.0
         self.refusals.add(refused if standing else "no room to go along")
         return None, 1.0 if standing else _COURSE.glance
 
