@@ -313,6 +313,7 @@ def test_a_run_takes_the_new_text_of_its_tree(chromium: Browser, tmp_path: Path)
         file.write_text(TREE.replace("wait: 2", "wait: 3"), encoding="utf-8")
         asked()
         tab.until(f"{took} === 'taken: all of it/retry/two steps/wait'")
+        tab.until("document.querySelector('.paused') !== null")
         tab.click("[title='Go on to the next change']")
         tab.until("document.querySelector('.leaf[data-is=running] .label')?.textContent === 'wait 3 s'")
 
