@@ -124,16 +124,17 @@ def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
 @pytest.mark.render
 @pytest.mark.parametrize(("task", "robot"), [(TASK, "r1"), ("turning_on_radio", "r1pro")])
 def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: Literal["r1", "r1pro"]) -> None:
-    """All of it, in our own keys: every action to the bit, up to where the goal is true."""
+    """All of it, in our own keys: every action to the bit, up to where one of them ends, and the score."""
     here, ear = Acts(), Ear()
-    run(EpisodeConfig(task, policy="reactive", map="online", robot=robot), [here])
+    result = run(EpisodeConfig(task, policy="reactive", map="online", robot=robot), [here])
     config = EpisodeConfig("", policy="reactive", map="online", robot=robot)
     with running(executive_server("openpi", ServedWork(config))) as server:
         address = f"127.0.0.1:{server.port}"
         (rollout,) = evaluate(Evaluation(address, "openpi", task, robot=robot, labels=True, on_demand=True), ear)
-    assert (rollout.goal.q, rollout.ended) == (1.0, "success")
-    assert len(ear.actions) <= len(here.actions)
-    np.testing.assert_array_equal(ear.actions, here.actions[: len(ear.actions)])
+    assert rollout.goal.q == result.q
+    both = min(len(ear.actions), len(here.actions))  # the evaluator ends once the goal is true, or goes on to its limit
+    assert both > 500
+    np.testing.assert_array_equal(ear.actions[:both], here.actions[:both])
 
 
 @pytest.mark.parametrize(
