@@ -131,7 +131,7 @@ def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: Litera
     with running(executive_server("openpi", ServedWork(config))) as server:
         address = f"127.0.0.1:{server.port}"
         (rollout,) = evaluate(Evaluation(address, "openpi", task, robot=robot, labels=True, on_demand=True), ear)
-    assert rollout.goal.q == result.q
+    assert rollout.goal.q == result["q_score"]["final"]
     both = min(len(ear.actions), len(here.actions))  # the evaluator ends once the goal is true, or goes on to its limit
     assert both > 500
     np.testing.assert_array_equal(ear.actions[:both], here.actions[:both])
