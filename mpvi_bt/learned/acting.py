@@ -55,8 +55,8 @@ class Leading:
     """How a place is led to its stance: what was let go of beside it cannot be taken back.
 
     A hand that is lower than the place is raised over it first, or what it holds would be stripped off by the container
-    or its table. Then the base drives there with the arm at rest; near the target the hand goes over the place, then
-    down, opens only there, and goes up again. Our choice, by trials in rooms that no figure is of.
+    or its table. Then the base drives there with the arm at rest; near its pose the hand goes over the place, then
+    down, opens only there, and goes up again. Our choice, by trials.
 
     Attributes:
         parked_m: The base stands at the stance if it is no farther off [m],

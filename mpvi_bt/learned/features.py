@@ -24,7 +24,7 @@ STRIDE = 3  # control steps from one to the next: 10 Hz
 WAYPOINT = {"base": slice(0, 3), "torso": slice(3, 7), "arm": slice(7, 14), "shift": slice(14, 17),
             "turn": slice(17, 20), "grip": slice(20, 21)}  # fmt: skip
 WAYPOINT_SIZE = 21
-# What a network's answer of 1 stands for [m, rad]. Our choice: about the spread of the demonstrations' waypoints.
+# What a network's answer of 1 stands for [m, rad]. Our choice.
 SCALE = np.array([0.1] * 3 + [0.05, 0.1, 0.1, 0.2] + [0.2] * 7 + [0.06] * 3 + [0.2] * 3 + [0.5])
 STANCE = {"base": slice(0, 3), "torso": slice(3, 7), "arm": slice(7, 14)}
 STANCE_SIZE = 14

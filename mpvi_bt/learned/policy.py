@@ -27,7 +27,7 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 WEIGHTS = Path(__file__).parent / "weights.npz"
-# All our choice, by trials in rooms that no figure is of.
+# All our choice.
 _EMPTY_CHUNKS = 3  # that a closed hand is empty before it is opened
 _OPENING = 15  # steps
 _CLOSED = -0.9  # a gripper's command, of -1 to 1, that means closed

@@ -2,7 +2,7 @@
 
 The actor answers with waypoints (L1 to the demonstration's); the proposer's hypotheses compete, and the one that comes
 nearest to the demonstrated stance learns from it, as does the likelihood of that one. One thread, so that the same seed
-makes the same weights on one machine; a GPU adds up in no fixed order, so there it makes other weights as good.
+makes the same weights on one machine; a GPU adds up in no fixed order, so there it makes other weights.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mpvi_bt.learned.network import ACTOR, HYPOTHESES, POINT_WIDTHS, PROPOSER, N
 from mpvi_bt.learned.training_set import TrainingSet
 from mpvi_bt.robot.solids import Array
 
-# All our choice, by the losses on episodes held back and by trials in rooms that no figure is of.
+# All our choice.
 ACTOR_STEPS, PROPOSER_STEPS = 12_000, 3_000
 _ACTOR_BATCH, _PROPOSER_BATCH = 256, 192
 _ACTOR_RATE, _PROPOSER_RATE = 1e-3, 1.5e-3

@@ -24,7 +24,7 @@ from mpvi_bt.robot.timing import schedule, timed
 
 Actions = Iterator[Array]
 
-# All our choice, by trials of skills.
+# All our choice.
 _PRESSING_RAD = 0.4  # a command farther than this from where the arm is has been given up
 _LEAP_RAD = 0.4  # between neighbors 1 cm apart on a line: another elbow, not the next step
 _HAND = np.array([[1.0, 1.0], [1.5, 4.0]])  # of a hand on a line: acceleration [m/s^2], turning [rad/s, rad/s^2]

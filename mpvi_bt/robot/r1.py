@@ -47,8 +47,7 @@ ARM_LIMITS: Mapping[Side, Array] = {
     "left": _LEFT_LIMITS,
     "right": np.sort(_LEFT_LIMITS * _MIRROR[:, None], axis=1),
 }
-# What motions are planned with; nothing on the robot enforces the arms' and the torso's. Our choice: below what robots
-# of this size can do, and slow enough that what is held by friction stays in the hand.
+# What motions are planned with; nothing on the robot enforces the arms' and the torso's. Our choice.
 ARM_SPEED = np.array([2.0, 2.0, 2.0, 2.0, 2.5, 2.5, 2.5])  # [rad/s]
 ARM_ACCELERATION = np.array([6.0, 6.0, 6.0, 6.0, 8.0, 8.0, 8.0])  # [rad/s^2]
 TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]

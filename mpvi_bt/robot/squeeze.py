@@ -12,7 +12,7 @@ from mpvi_bt.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-# All our choice, by trials of two-handed skills.
+# All our choice.
 _PRESSED_M = 0.02  # the hands are kept apart by at least that much more than they were told to be
 _FACING = 0.4  # cosine between where a hand points and where the other one is: they have to face each other,
 _FLAT, _DOWN, _AWAY = 0.9, 0.7, 0.1  # or the fingers' flat sides do, of hands that point down and hardly away

@@ -17,7 +17,7 @@ from mpvi_bt.robot.protocol import ActionLayout, Robot, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
-# All our choice, by trials of skills and episodes.
+# All our choice.
 _CLOSE_RAD = 0.05  # an arm so near to its posture is in it
 _BACK_M = 0.25  # that the base draws back, at the least
 _BACK_RAD = (0.0, 0.6, -0.6, 1.1, -1.1)  # from straight back, where an arm or the base is against a wall
