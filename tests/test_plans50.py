@@ -16,6 +16,7 @@ from mpvi_bt.goals.formula import All, Formula, Literal, Not, Some, holds, liter
 from mpvi_bt.goals.problem import AGENT, BddlProblem, Fact, load_problem
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.human import human_stats
+from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.perception.phrases import Vocabulary, normalize
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.plan_check import plan_problems
@@ -113,6 +114,12 @@ def test_every_task_of_the_challenge_has_a_plan() -> None:
     assert len(TASKS) == 50
     assert [plan_of(task).task_name for task in TASKS] == TASKS
     assert all(plan_of(task).instruction for task in TASKS)
+
+
+@every_task
+def test_a_plan_is_of_the_tasks_instruction(task: str) -> None:
+    """Word for word: a policy that is told the whole instruction knows by it what to do."""
+    assert plan_of(task).instruction == load_task(task).instruction
 
 
 @every_task

@@ -130,4 +130,3 @@ def test_every_task_and_method_has_its_turn_before_another_instance_has() -> Non
     assert sorted(map(str, order)) == sorted(map(str, episodes))
     assert [c.instance for c in order] == [0] * 3 + [1] * 3 + [2] * 3
     assert [c.task for c in order[:3]] == ["long", "long", "picking_up_trash"]
-    assert [c.instance for c in in_rounds(order[5:], BUDGET_S)] == [2, 2, 1, 2], "what is left has rounds of its own"

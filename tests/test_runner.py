@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -192,3 +193,20 @@ def test_nothing_is_started_when_all_is_there(tmp_path: Path, log: Path) -> None
     assert [path.relative_to(store.out).parent.as_posix() for path in heard.moved] == ["quarantine"] * 2
     assert {path.read_text() for path in heard.moved} == {whole[: len(whole) // 2], json.dumps(other)}
     assert read_result(store.path(EPISODES[0])) is not None
+
+
+def test_a_resumed_run_keeps_the_order_of_the_whole(tmp_path: Path, log: Path) -> None:
+    """What is left begins in the order that it had: a task without a result comes before another's second one."""
+    from mpvi_bt.suite.schedule import in_rounds
+    from tests.fake_episodes import fake_result
+
+    store, budget_s = Store(tmp_path / "out"), {"picking_up_trash": 10.0, "turning_on_radio": 1.0}
+    episodes = [replace(config, task=task) for task in budget_s for config in EPISODES[:2]]
+    store.write(episodes[0], fake_result(episodes[0]))
+    heard = Heard()
+    run_suite(episodes, store, processes(1), heard, lambda episodes: in_rounds(episodes, budget_s))
+    assert [(c.task, c.instance) for c in heard.done] == [
+        ("turning_on_radio", 0),
+        ("picking_up_trash", 1),
+        ("turning_on_radio", 1),
+    ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -120,7 +121,7 @@ def play(
         for config in _part(episodes, tasks, instances)
     ]
     engine = _engine(where, manifest)
-    return run_suite(chosen, store, engine, listen(Pace(budget_s)), lambda todo: in_rounds(todo, budget_s), manifest)
+    return run_suite(chosen, store, engine, listen(Pace(budget_s)), partial(in_rounds, budget_s=budget_s), manifest)
 
 
 def _part(episodes: Sequence[EpisodeConfig], tasks: Sequence[str], instances: Sequence[int]) -> list[EpisodeConfig]:

@@ -109,7 +109,7 @@ def run_suite(
         store: Where results are and go.
         engine: Plays them; it is opened only if there is anything to run.
         listener: Is told how it goes.
-        order: In which what is left is begun.
+        order: In which episodes are begun; those that have a result are passed over.
         manifest: What the results are of; the folder must hold no others.
 
     Raises:
@@ -128,7 +128,7 @@ def run_suite(
                     f"{store.path(config)}: a result of version {result.version}, this is {__version__}; "
                     "choose another --out"
                 )
-        todo = list(order([config for config in episodes if config not in results]))
+        todo = [config for config in order(episodes) if config not in results]
         listener.begin(results, todo, engine.workers)
         try:
             for config in todo:

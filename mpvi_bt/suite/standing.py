@@ -25,7 +25,7 @@ def under_way(
     named = {(c.method or "", c.name): c for c in episodes if c not in results}
     works = [(w, named[w.method, w.episode]) for w in read(store.out) if (w.method, w.episode) in named]
     running = {config: max(0.0, time.time() - work.since) for work, config in works}
-    waiting = in_rounds([c for c in named.values() if c not in running], budget_s)
+    waiting = [c for c in in_rounds(episodes, budget_s) if c not in results and c not in running]
     told = [
         {"worker": work.worker, "episode": spoken(c), "since_s": running[c], "expected_s": pace.expected_s(c)}
         for work, c in works
