@@ -1,4 +1,4 @@
-"""`python -m benchmarks.collecting NAME FOLDER`: keep a suite's scores as `benchmarks/results/NAME.json`."""
+"""`python -m benchmarks.collecting NAME FOLDER`: keep a suite's episodes as `benchmarks/results/NAME.json`."""
 
 from __future__ import annotations
 
@@ -7,53 +7,53 @@ import os
 import re
 import subprocess
 import sys
-from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 from pydantic import ValidationError
 
-from benchmarks.tables import RESULTS, ROOT, Episodes, Run, TaskScores
-from mpvi_bt.episode.result import Result, read_result
+from benchmarks.origin import Run
+from benchmarks.played import Episode, Played
+from benchmarks.tables import RESULTS, ROOT, load
+from mpvi_bt.episode.result import read_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.report.failures import reason
-from mpvi_bt.suite.manifest import read_manifest
+from mpvi_bt.suite.manifest import Manifest, read_manifest
+from mpvi_bt.suite.suites import load_suite
 
-NAMED = 6  # reasons that a table names for each task
 
+def episodes_of(folder: Path, manifest: Manifest, run: int) -> Iterator[Episode]:
+    """The episodes in the folder of a suite.
 
-def read(folder: Path) -> dict[str, list[Result]]:
-    """The results in a folder of one method, by task in the suite's order, then by instance and seed.
+    Args:
+        folder: Of the suite, or of one method of it.
+        manifest: What they are of.
+        run: Which run of the data file they are of.
 
     Raises:
         UserError: There are none, or a file is no result.
     """
-    results = []
-    for file in folder.joinpath("json").glob("*.json"):
+    files = sorted(folder.glob("json/*.json")) or sorted(folder.glob("*/json/*.json"))
+    if not files:
+        raise UserError(f"{folder}: there are no results in json/")
+    for file in files:
         result = read_result(file)
         if result is None:
             raise UserError(f"{file}: no result")
-        results.append(result)
-    if not results:
-        raise UserError(f"{folder}: there are no results in json/; a suite of several methods has a folder for each")
-    manifest = read_manifest(folder) or read_manifest(folder.parent)
-    order = list(manifest.tasks) if manifest else sorted({result.task for result in results})
-    results.sort(key=lambda result: (order.index(result.task), result.instance_id, result.rollout_id))
-    by_task: dict[str, list[Result]] = {}
-    for result in results:
-        by_task.setdefault(result.task, []).append(result)
-    return by_task
-
-
-def gave_up(results: list[Result]) -> str:
-    """Why units were given up in the episodes that missed something, the most frequent reason first."""
-    missed = [result for result in results if not result.success]
-    codes = (re.sub(r"^.*\((.+)\)$", r"\1", reason(failure)) for result in missed for failure in result.failures)
-    common = Counter(codes).most_common(NAMED)
-    text = ", ".join(code if count == 1 else f"{code} {count}" for code, count in common)
-    late = sum(result.ended == "time_limit" for result in missed)
-    return "; ".join(filter(None, [text, f"out of time {late}" if late else ""]))
+        yield Episode(
+            method=result.config["method"] or manifest.suite,
+            task=result.task,
+            instance=result.instance_id,
+            seed=result.rollout_id,
+            q=round(result.q, 4),
+            ended=result.ended,
+            time_s=round(result.time.simulator_time, 1),
+            reasons=tuple(re.sub(r"^.*\((.+)\)$", r"\1", reason(failure)) for failure in result.failures),
+            steps={name: policy.steps for name, policy in (result.policies or {}).items()},
+            run=run,
+        )
 
 
 def processor() -> str:
@@ -80,32 +80,92 @@ def commit() -> str:
     return git("rev-parse", "--short", "HEAD")
 
 
-def dump(results: Episodes) -> str:
-    """As the files are kept: a line a task."""
-    data: dict[str, Any] = results.model_dump(exclude_defaults=True)
-    tasks = ",\n".join(f"    {json.dumps(name)}: {json.dumps(scores)}" for name, scores in data.pop("tasks").items())
-    return f'{json.dumps({"kind": "episodes", **data}, indent=2)[:-2]},\n  "tasks": {{\n{tasks}\n  }}\n}}\n'
+def dump(results: Played) -> str:
+    """As the files are kept: a line an episode."""
+    data: dict[str, Any] = results.model_dump(mode="json", exclude_defaults=True)
+    lines = ",\n".join(f"    {json.dumps(one)}" for one in data.pop("episodes"))
+    return f'{json.dumps({"kind": "suite", **data}, indent=2)[:-2]},\n  "episodes": [\n{lines}\n  ]\n}}\n'
+
+
+def collected(
+    folders: Sequence[Path], run: Run, kept: Played | None, methods: Sequence[str], tasks: Sequence[str], mixed: str
+) -> Played:
+    """The data file of the episodes in some folders, or of these and of what another run has brought already.
+
+    Args:
+        folders: Of suites.
+        run: That played them.
+        kept: What the data file has; episodes that are in it stay as they are.
+        methods: Only these, if any are given.
+        tasks: Only these, if any are given, in this order.
+        mixed: Why episodes of several runs are in one file.
+
+    Raises:
+        UserError: A folder has no manifest or no results; or there is nothing new.
+        ValidationError: Runs of several commits or processors, and `mixed` does not say why.
+    """
+    settings: dict[str, dict[str, Any]] = dict(kept.methods) if kept else {}
+    order, episodes = list(kept.tasks if kept else tasks), list(kept.episodes if kept else ())
+    there, place = {one.key for one in episodes}, len(kept.runs) if kept else 0
+    for folder in folders:
+        manifest = read_manifest(folder)
+        if manifest is None:
+            raise UserError(f"{folder}: is no folder of a suite's results; there is no manifest.json")
+        for method, own in manifest.methods.items():
+            if not methods or method in methods:
+                settings.setdefault(method or manifest.suite, own)
+        if not tasks:
+            order += [task for task in manifest.tasks if task not in order]
+        episodes += [
+            one
+            for one in episodes_of(folder, manifest, place)
+            if one.method in settings and one.task in order and one.key not in there
+        ]
+    if len(episodes) == len(there):
+        raise UserError("there is no episode that the data file does not have")
+    runs = (*(kept.runs if kept else ()), run)
+    return Played(
+        kind="suite", runs=runs, mixed=mixed or (kept.mixed if kept else ""), methods=settings, tasks=tuple(order),
+        episodes=tuple(episodes),
+    )  # fmt: skip
 
 
 @click.command()
 @click.argument("name")
-@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, file_okay=False))
 @click.option("--command", required=True, help="What made the results, as it was typed.")
 @click.option("--commit", "given", help="That it was made at; the working tree's if left out.")
 @click.option("--date", required=True, help="That it was made on, YYYY-MM-DD.")
-def main(name: str, folder: Path, command: str, given: str | None, date: str) -> None:
-    """Keep the scores and reasons of FOLDER, the results of one method of a suite, for `make results`."""
+@click.option("--processor", "where", help="That it was made on; this machine's if left out.")
+@click.option("--of", default="", help="Which of the episodes, where there are several runs.")
+@click.option("--settings", default="", help="What else has a bearing on the figures.")
+@click.option("--method", "methods", multiple=True, help="Only this one of the folder's methods; may be repeated.")
+@click.option("--suite", help="Only the tasks of this suite.")
+@click.option("--add", is_flag=True, help="Add to the episodes that the file has, as a further run.")
+@click.option("--mixed", default="", help="Why episodes of several commits or processors stand together.")
+def main(
+    name: str, folders: tuple[Path, ...], command: str, given: str | None, date: str, where: str | None, of: str,
+    settings: str, methods: tuple[str, ...], suite: str | None, add: bool, mixed: str,
+) -> None:  # fmt: skip
+    """Keep every episode in FOLDERS, the results of suites, as benchmarks/results/NAME.json for `make results`."""
     try:
-        tasks = {
-            task: TaskScores(q=tuple(round(result.q, 4) for result in results), gave_up=gave_up(results))
-            for task, results in read(folder).items()
-        }
-        run = Run(command=command, commit=given or commit(), date=date, processor=processor())
+        run = Run(
+            command=command, commit=given or commit(), date=date, processor=where or processor(), of=of,
+            settings=settings,
+        )  # fmt: skip
+        kept = load(name) if add else None
+        if kept is not None and not isinstance(kept, Played):
+            raise UserError(f"benchmarks/results/{name}.json has no episodes to add to")
+        tasks = load_suite(suite).tasks if suite else []
+        played = collected(folders, run, kept, methods, tasks, mixed)
     except (UserError, ValidationError) as error:
         click.echo(f"collecting: {error}", err=True)
         sys.exit(2)
-    RESULTS.joinpath(f"{name}.json").write_text(dump(Episodes(kind="episodes", runs=(run,), tasks=tasks)), "utf-8")
-    click.echo(f"benchmarks/results/{name}.json: {len(tasks)} tasks, {sum(len(t.q) for t in tasks.values())} episodes")
+    RESULTS.joinpath(f"{name}.json").write_text(dump(played), "utf-8")
+    click.echo(
+        f"benchmarks/results/{name}.json: {len(played.methods)} methods, {len(played.tasks)} tasks, "
+        f"{len(played.episodes)} episodes"
+    )
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
-from benchmarks.tables import grid
+from benchmarks.origin import grid
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.episode import run
 from mpvi_bt.episode.result import Result

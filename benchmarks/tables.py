@@ -15,77 +15,25 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import click
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
+from benchmarks.origin import Data, Results, grid
+from benchmarks.played import Played
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.report.statistics import estimate
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
-BLOCK = re.compile(r"(<!-- results: (?P<name>\w+) -->\n).*?(<!-- end of results -->)", re.DOTALL)
-
-
-class Data(BaseModel):
-    """Strict: a key that nobody reads is a mistake."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Run(Data):
-    """What made the figures.
-
-    Attributes:
-        command: As it was typed.
-        commit: Of this repository; None where it was not written down.
-        date: Of the commit or, where that is not known, of the page that told the figures first.
-        processor: And what else it did meanwhile; None where it was not written down.
-        of: Which of the figures, where the file has several runs.
-        settings: What has a bearing on the figures and is not in the command: versions, number of instances.
-    """
-
-    command: str
-    commit: Annotated[str, Field(pattern=r"^[0-9a-f]{7,40}$")] | None
-    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    processor: str | None = None
-    of: str = ""
-    settings: str = ""
-
-    def __str__(self) -> str:
-        """One line for a person."""
-        commit = f"commit {self.commit}" if self.commit else "commit not recorded"
-        words = [
-            f"`{self.command}`",
-            f"{commit}, {self.date}",
-            self.processor or "processor not recorded",
-            self.settings,
-        ]
-        return f"{self.of}: " * bool(self.of) + "; ".join(filter(None, words))
-
-
-class Results(Data):
-    """What every data file has: the runs, and why there are several."""
-
-    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
-    mixed: str = ""
-
-    @model_validator(mode="after")
-    def _of_one_kind(self) -> Self:
-        """Raises ValueError for figures of several commits or processors without a word."""
-        kinds = {(run.commit, run.processor) for run in self.runs}
-        if len(kinds) > 1 and not self.mixed:
-            raise ValueError(f"runs of {len(kinds)} commits or processors in one table; say why in 'mixed'")
-        return self
-
-    def source(self) -> str:
-        """What made the figures, as the line below a table."""
-        mixed = [f"**Of several runs: {self.mixed}.**"] if self.mixed else []
-        return " ".join([*mixed, *(f"{run}." for run in self.runs)])
+BLOCK = re.compile(
+    r"(?P<head><!-- results: (?P<name>\w+)(?: (?P<view>[\w ]+))? -->\n).*?(?P<end><!-- end of results -->)", re.DOTALL
+)
+EVERY = "every_run"  # in the place of a name: what made each data file
 
 
 Cell = str | int | float | tuple[int, int] | None
@@ -180,18 +128,11 @@ def _listed(scores: Sequence[float | None]) -> str:
     return ", ".join("-" if score is None else f"{score:.2f}".rstrip("0").rstrip(".") for score in scores)
 
 
-FILE: TypeAdapter[Table | Episodes] = TypeAdapter(Annotated[Table | Episodes, Field(discriminator="kind")])
+File = Table | Episodes | Played
+FILE: TypeAdapter[File] = TypeAdapter(Annotated[File, Field(discriminator="kind")])
 
 
-def grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join(
-        "|" + "|".join("---" if c == "---" else f" {c} " if c else " " for c in line) + "|" for line in lines
-    )
-
-
-def load(name: str) -> Table | Episodes:
+def load(name: str) -> File:
     """Read a data file.
 
     Raises:
@@ -208,9 +149,54 @@ def load(name: str) -> Table | Episodes:
         raise UserError(f"{file.relative_to(ROOT)}: {where}: {first['msg']}".replace(": : ", ": ")) from None
 
 
-def filled(page: str) -> str:
-    """The text of a page with its tables made anew."""
-    return BLOCK.sub(lambda block: f"{block[1]}\n{load(block['name']).render()}\n\n{block[3]}", page)
+def made_anew(pages: Mapping[Path, str]) -> dict[Path, str]:
+    """The pages with their tables made anew, and the plots that they show.
+
+    Raises:
+        UserError: As of `load`; a block asks for a view that there is not; or a data file is on no page.
+    """
+    blocks = [(page, block) for page, text in pages.items() for block in BLOCK.finditer(text)]
+    homes: dict[str, str] = {}  # of each data file the page that shows it first
+    for page, block in blocks:
+        if block["name"] != EVERY:
+            homes.setdefault(block["name"], page.name)
+    made = {
+        page: BLOCK.sub(lambda block: f"{block['head']}\n{shown(block, homes)}\n\n{block['end']}", text)
+        for page, text in pages.items()
+    }
+    for page, block in blocks:
+        if block["view"] == "plot" and isinstance(file := load(block["name"]), Played):
+            made[page.with_name(f"{block['name']}.svg")] = file.plot()
+    if unused := sorted({file.stem for file in RESULTS.glob("*.json")} - homes.keys()):
+        raise UserError(f"benchmarks/results/{unused[0]}.json is on no page of docs/")
+    return made
+
+
+def shown(block: re.Match[str], homes: Mapping[str, str]) -> str:
+    """What stands in a block: a table, or a picture that is a file of its own beside the page."""
+    name, view = block["name"], block["view"]
+    if name == EVERY:
+        return every_run(homes)
+    file = load(name)
+    try:
+        if isinstance(file, Played):
+            return f"![q of each task and method]({name}.svg)" if view == "plot" else file.render(view or "methods")
+        if view:
+            raise UserError(f"there is but one view of it, not {view!r}")
+        return file.render()
+    except UserError as error:
+        raise UserError(f"benchmarks/results/{name}.json: {error}") from None
+
+
+def every_run(homes: Mapping[str, str]) -> str:
+    """What made each data file, the youngest first."""
+    rows = [
+        (run.date, name, [f"[{name}]({page})", f"`{run.command}`" + f" ({run.of})" * bool(run.of),
+         run.commit or "not recorded", run.date, run.processor or "not recorded"])
+        for name, page in homes.items() for run in load(name).runs
+    ]  # fmt: skip
+    rows.sort(key=lambda row: (row[0], row[1]), reverse=True)
+    return grid(["data", "command", "commit", "date", "processor"], [row for *_, row in rows])
 
 
 @click.command()
@@ -218,23 +204,16 @@ def filled(page: str) -> str:
 def main(check: bool) -> None:
     """Write the tables of measurements into the pages of docs/, from benchmarks/results/."""
     try:
-        stale, used = [], set()
-        for page in sorted(ROOT.joinpath("docs").glob("*.md")):
-            text = page.read_text(encoding="utf-8")
-            used.update(block["name"] for block in BLOCK.finditer(text))
-            new = filled(text)
-            if new != text:
-                stale.append(page)
-                if not check:
-                    page.write_text(new, encoding="utf-8")
-        unused = sorted({file.stem for file in RESULTS.glob("*.json")} - used)
-        if unused:
-            raise UserError(f"benchmarks/results/{unused[0]}.json is on no page of docs/")
+        pages = {page: page.read_text(encoding="utf-8") for page in sorted(ROOT.joinpath("docs").glob("*.md"))}
+        made = made_anew(pages)
     except UserError as error:
         click.echo(f"tables: {error}", err=True)
         sys.exit(error.exit_code)
-    for page in stale:
-        click.echo(f"{page.relative_to(ROOT)}: {'is not what its data make; run make results' if check else 'written'}")
+    stale = {path: text for path, text in made.items() if not path.exists() or path.read_text("utf-8") != text}
+    for path, text in stale.items():
+        if not check:
+            path.write_text(text, encoding="utf-8")
+        click.echo(f"{path.relative_to(ROOT)}: {'is not what its data make; run make results' if check else 'written'}")
     sys.exit(int(check and bool(stale)))
 
 

@@ -7,12 +7,16 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.suite.manifest import make_manifest
+from mpvi_bt.suite.store import Store
 from tests.fake_episodes import fake_result
 
 ROOT = Path(__file__).parent.parent
@@ -37,7 +41,7 @@ def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 @pytest.fixture
 def clone(tmp_path: Path) -> Path:
     """A clone with one page and no results yet."""
-    for name in ("tables.py", "collecting.py"):
+    for name in ("tables.py", "collecting.py", "origin.py", "played.py"):
         (tmp_path / "benchmarks").mkdir(exist_ok=True)
         shutil.copy(ROOT / "benchmarks" / name, tmp_path / "benchmarks" / name)
     (tmp_path / "benchmarks" / "results").mkdir()
@@ -120,18 +124,93 @@ def test_a_name_without_data_and_data_without_a_page_are_told(clone: Path) -> No
     assert (done.returncode, "two.json is on no page" in done.stderr) == (2, True)
 
 
-def test_scores_of_a_suite_are_kept_for_the_tables(clone: Path) -> None:
-    """A folder of results becomes a data file from which the table follows; a folder without any ends in a line."""
-    suite = clone / "runs" / "trash"
-    done = command(clone, "benchmarks.collecting", "one", str(clone / "docs"), "--command", "c", "--date", "2026-11-25")
-    assert (done.returncode, "there are no results in json/" in done.stderr) == (2, True)
-    (suite / "json").mkdir(parents=True)
-    for instance in range(3):
-        config = EpisodeConfig("picking_up_trash", instance)
-        data = json.dumps(fake_result(config))
-        (suite / "json" / f"picking_up_trash_{instance}_0.json").write_text(data)
-    words = ["--command", "mpvi suite run trash", "--commit", "0123abc", "--date", "2026-11-25"]
-    done = command(clone, "benchmarks.collecting", "one", str(suite), *words)
-    assert done.stdout == "benchmarks/results/one.json: 1 tasks, 3 episodes\n", done.stderr
+WORDS = ["--command", "mpvi suite run trash", "--date", "2026-11-25", "--processor", "p"]
+
+
+def played(folder: Path, instances: Sequence[int], method: str = "mpvi") -> Path:
+    """A suite's folder with results that are none of a policy's."""
+    episodes = [EpisodeConfig("picking_up_trash", i, method=method) for i in instances]
+    make_manifest("trash", episodes).claim(folder)
+    store = Store(folder)
+    for config in episodes:
+        store.write(config, fake_result(config))
+    return folder
+
+
+def test_the_episodes_of_a_suite_are_kept_for_the_tables(clone: Path) -> None:
+    """A folder of results becomes a data file of its episodes, from which tables and a plot follow."""
+    suite = played(clone / "runs" / "trash", range(3))
+    done = command(clone, "benchmarks.collecting", "one", str(suite), *WORDS, "--commit", "0123abc")
+    assert done.stdout == "benchmarks/results/one.json: 1 methods, 1 tasks, 3 episodes\n", done.stderr
+    views = ("tasks mpvi", "methods", "plot")
+    text = "\n".join(f"<!-- results: one {view} -->\n<!-- end of results -->\n" for view in views)
+    (clone / "docs" / "page.md").write_text(text)
+    assert command(clone, "benchmarks.tables", "--check").returncode == 1
     assert command(clone, "benchmarks.tables").returncode == 0
-    assert "| 0 | `picking_up_trash` | " in (clone / "docs" / "page.md").read_text()
+    text = (clone / "docs" / "page.md").read_text()
+    q = [fake_result(EpisodeConfig("picking_up_trash", i))["q_score"]["final"] for i in range(3)]
+    assert f"| 1 | `picking_up_trash` | {np.mean(q):.2f} | {q.count(1.0)}/3 |" in text
+    assert f"| picking_up_trash | {np.mean(q):.2f} ({q.count(1.0)}/3) |" in text
+    assert "commit 0123abc, 2026-11-25; p" in text
+    assert "picking_up_trash" in (clone / "docs" / "one.svg").read_text()
+    (clone / "docs" / "one.svg").unlink()
+    assert command(clone, "benchmarks.tables", "--check").stdout.startswith("docs/one.svg: ")
+
+
+def test_a_further_run_adds_what_is_not_there(clone: Path) -> None:
+    """Episodes that the file has stay; runs of two commits need a word; a run that brings nothing is told."""
+    first, second = played(clone / "a", range(2)), played(clone / "b", range(4))
+    command(clone, "benchmarks.collecting", "one", str(first), *WORDS, "--commit", "0123abc")
+    more = ["benchmarks.collecting", "one", str(second), *WORDS, "--add", "--commit", "fedcba9"]
+    done = command(clone, *more)
+    assert (done.returncode, "say why in 'mixed'" in done.stderr) == (2, True)
+    assert command(clone, *more, "--mixed", "the second took up what was left").returncode == 0
+    data = json.loads((clone / "benchmarks" / "results" / "one.json").read_text())
+    assert [one.get("run", 0) for one in data["episodes"]] == [0, 0, 1, 1]
+    done = command(clone, *more)
+    assert (done.returncode, "no episode that the data file does not have" in done.stderr) == (2, True)
+
+
+def test_methods_are_compared_where_all_have_played(clone: Path) -> None:
+    """Each cell is of what its method played; the mean over tasks is of the start states that all methods have."""
+    episode = {"task": "picking_up_trash", "ended": "success", "time_s": 1.0}
+    episodes = [
+        {**episode, "method": "mpvi", "instance": 0, "q": 1.0},
+        {**episode, "method": "mpvi", "instance": 1, "q": 0.0},
+        {**episode, "method": "e2e", "instance": 0, "q": 0.5},
+    ]
+    data = {"kind": "suite", "runs": [RUN], "methods": {"mpvi": {}, "e2e": {}}, "tasks": ["picking_up_trash"]}
+    put(clone, {**data, "episodes": episodes})
+    assert command(clone, "benchmarks.tables").returncode == 0
+    text = (clone / "docs" / "page.md").read_text()
+    assert "| picking_up_trash | 0.50 (1/2) | 0.50 (0/1) |" in text
+    assert "| **mean q** | **1.00** | **0.50** |" in text
+    for bad, words in [
+        ([*episodes, episodes[0]], "is there 2 times"),
+        ([{**episodes[0], "run": 1}], "episodes[0] is of a run"),
+        ([{**episodes[0], "q": 2}], "episodes.0.q"),
+    ]:
+        put(clone, {**data, "episodes": bad})
+        done = command(clone, "benchmarks.tables")
+        assert (done.returncode, words in done.stderr) == (2, True), done.stderr
+
+
+def test_a_view_that_there_is_not_is_told(clone: Path) -> None:
+    """So is a folder without a suite's results."""
+    put(clone, TABLE)
+    (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one plots -->"))
+    done = command(clone, "benchmarks.tables")
+    assert (done.returncode, "not 'plots'" in done.stderr) == (2, True)
+    done = command(clone, "benchmarks.collecting", "two", str(clone / "docs"), *WORDS, "--commit", "0123abc")
+    assert (done.returncode, "there is no manifest.json" in done.stderr) == (2, True)
+
+
+def test_every_run_is_listed(clone: Path) -> None:
+    """A page can show what made each data file, with a link to its page."""
+    put(clone, TABLE)
+    (clone / "docs" / "all.md").write_text("<!-- results: every_run -->\n<!-- end of results -->\n")
+    assert command(clone, "benchmarks.tables").returncode == 0
+    assert (
+        "| [one](page.md) | `python -m benchmarks.x` | 0123abc | 2026-11-25 | p |"
+        in (clone / "docs" / "all.md").read_text()
+    )

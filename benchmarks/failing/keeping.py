@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from benchmarks.collecting import processor
-from benchmarks.tables import RESULTS, Cell, Column, Run, Table
+from benchmarks.origin import Run
+from benchmarks.tables import RESULTS, Cell, Column, Table
 from mpvi_bt.errors import UserError
 
 

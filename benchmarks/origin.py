@@ -1,0 +1,73 @@
+"""What made the figures of a data file, and why figures of several origins may stand together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class Data(BaseModel):
+    """Strict: a key that nobody reads is a mistake."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Run(Data):
+    """What made the figures.
+
+    Attributes:
+        command: As it was typed.
+        commit: Of this repository; None where it was not written down.
+        date: Of the commit or, where that is not known, of the page that told the figures first.
+        processor: And what else it did meanwhile; None where it was not written down.
+        of: Which of the figures, where the file has several runs.
+        settings: What has a bearing on the figures and is not in the command: versions, number of instances.
+    """
+
+    command: str
+    commit: Annotated[str, Field(pattern=r"^[0-9a-f]{7,40}$")] | None
+    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
+    processor: str | None = None
+    of: str = ""
+    settings: str = ""
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        commit = f"commit {self.commit}" if self.commit else "commit not recorded"
+        words = [
+            f"`{self.command}`",
+            f"{commit}, {self.date}",
+            self.processor or "processor not recorded",
+            self.settings,
+        ]
+        return f"{self.of}: " * bool(self.of) + "; ".join(filter(None, words))
+
+
+class Results(Data):
+    """What every data file has: the runs, and why there are several."""
+
+    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
+    mixed: str = ""
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        """Raises ValueError for figures of several commits or processors without a word."""
+        kinds = {(run.commit, run.processor) for run in self.runs}
+        if len(kinds) > 1 and not self.mixed:
+            raise ValueError(f"runs of {len(kinds)} commits or processors in one table; say why in 'mixed'")
+        return self
+
+    def source(self) -> str:
+        """What made the figures, as the line below a table."""
+        mixed = [f"**Of several runs: {self.mixed}.**"] if self.mixed else []
+        return " ".join([*mixed, *(f"{run}." for run in self.runs)])
+
+
+def grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(
+        "|" + "|".join("---" if c == "---" else f" {c} " if c else " " for c in line) + "|" for line in lines
+    )

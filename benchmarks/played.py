@@ -1,0 +1,230 @@
+"""Every episode of a suite as data, and what is shown of them: tables of tasks and of methods, and a plot.
+
+`python -m benchmarks.collecting` makes such a file of a suite's results. A page names what it shows of it:
+
+    <!-- results: behavior50 tasks expert -->      q of each instance, and why units were given up
+    <!-- results: behavior50 methods -->           mean q of each task and method, and the paper's
+    <!-- results: behavior50 plot -->              the same as a picture, docs/behavior50.svg
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, JsonValue, model_validator
+
+from benchmarks.origin import Data, Results, grid
+from mpvi_bt.errors import UserError
+from mpvi_bt.report.paper import paper_mean, paper_scores
+from mpvi_bt.report.plot_svg import Drawing
+from mpvi_bt.report.statistics import Estimate, estimate
+
+NAMED = 6  # reasons that a table names for each task
+_ROW, _LABEL, _RIGHT, _WIDE = 18.0, 300.0, 16.0, 832
+
+
+class Episode(Data):
+    """What came of one episode.
+
+    Attributes:
+        method, task, instance, seed: Which one.
+        q: BEHAVIOR's score at its end.
+        ended: How: "success", "failure", "time_limit", ...
+        time_s: Simulated.
+        reasons: Why units were given up, in their order, such as "pick: no_grasp".
+        steps: Of control that each of several policies had.
+        run: Place of the run that played it in the file's runs.
+    """
+
+    method: str
+    task: str
+    instance: int
+    seed: int = 0
+    q: Annotated[float, Field(ge=0, le=1)]
+    ended: str
+    time_s: Annotated[float, Field(ge=0)]
+    reasons: tuple[str, ...] = ()
+    steps: dict[str, int] = {}
+    run: Annotated[int, Field(ge=0)] = 0
+
+    @property
+    def key(self) -> tuple[str, str, int, int]:
+        """What no other episode of the file has."""
+        return self.method, self.task, self.instance, self.seed
+
+
+class Played(Results):
+    """Episodes of one suite.
+
+    Attributes:
+        methods: What each method is, as the suite's manifest has it.
+        tasks: In BEHAVIOR's order.
+        episodes: Each once.
+    """
+
+    kind: Literal["suite"]
+    methods: Annotated[dict[str, dict[str, JsonValue]], Field(min_length=1)]
+    tasks: Annotated[tuple[str, ...], Field(min_length=1)]
+    episodes: Annotated[tuple[Episode, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        """Raises ValueError for an episode of no run, task or method of the file, and for one that is there twice."""
+        for i, one in enumerate(self.episodes):
+            if one.run >= len(self.runs) or one.task not in self.tasks or one.method not in self.methods:
+                raise ValueError(f"episodes[{i}] is of a run, task or method that the file does not have")
+        (key, count), *_ = Counter(one.key for one in self.episodes).most_common(1)
+        if count > 1:
+            raise ValueError(f"{key} is there {count} times")
+        return self
+
+    def of(self, method: str) -> dict[str, list[Episode]]:
+        """The episodes of a method by task, in the file's order of tasks, then by instance and seed.
+
+        Raises:
+            UserError: The file has none of it.
+        """
+        if method not in self.methods:
+            raise UserError(f"there is no method {method!r}; there are {', '.join(self.methods)}")
+        mine = sorted((one for one in self.episodes if one.method == method), key=lambda one: one.key)
+        return {task: found for task in self.tasks if (found := [one for one in mine if one.task == task])}
+
+    def render(self, view: str = "methods") -> str:
+        """As Markdown.
+
+        Args:
+            view: "methods", or "tasks METHOD".
+
+        Raises:
+            UserError: There is no such view, or no such method.
+        """
+        what, _, method = view.partition(" ")
+        if what == "tasks" and method:
+            return f"{self._tasks(method)}\n\n*{self.source()}*"
+        if view == "methods":
+            return f"{self._methods()}\n\n*{self.source()}*"
+        raise UserError(f"there is no view {view!r} of a suite; there are 'methods', 'tasks METHOD' and 'plot'")
+
+    def _tasks(self, method: str) -> str:
+        """Headline and table of one method."""
+        tasks = self.of(method)
+        instances = sorted({one.instance for found in tasks.values() for one in found})
+        rows = []
+        for task, found in tasks.items():
+            q = dict(zip(sorted({one.instance for one in found}), _by_instance(found), strict=True))
+            each = ", ".join(_short(q[i]) if i in q else "." for i in instances)
+            whole = f"{sum(one.q == 1.0 for one in found)}/{len(found)}"
+            rows.append([f"{_number(task)}", f"`{task}`", f"{np.mean([*q.values()]):.2f}", whole, each, gave_up(found)])
+        heads = ["id", "task", "mean q", "q = 1", f"q of instances {', '.join(map(str, instances))}",
+                 "given up because of"]  # fmt: skip
+        return f"{self._headline(method, tasks)}\n\n{grid(heads, rows)}"
+
+    def _headline(self, method: str, tasks: Mapping[str, Sequence[Episode]]) -> str:
+        scores = [_by_instance(found) for found in tasks.values()]
+        count, whole = sum(map(len, tasks.values())), sum(one.q == 1.0 for found in tasks.values() for one in found)
+        return (
+            f"**`{method}`: mean q {_told(estimate(scores))} over {len(tasks)} tasks; {whole} of {count} episodes met "
+            "the whole goal.**"
+        )
+
+    def _methods(self) -> str:
+        """Tasks in rows, methods in columns; the rows below are over the start states that all methods played."""
+        each = {method: self.of(method) for method in self.methods}
+        rows = []
+        for task in self.tasks:
+            cells = [_cell(tasks.get(task, [])) for tasks in each.values()]
+            if any(cells):
+                rows.append([task, *(cell or "not played" for cell in cells)])
+        common = set.intersection(*({one.key[1:] for one in self.episodes if one.method == m} for m in self.methods))
+        shared = [
+            {t: kept for t, found in tasks.items() if (kept := [one for one in found if one.key[1:] in common])}
+            for tasks in each.values()
+        ]
+        tasks = [task for task in self.tasks if task in shared[0]]
+        if tasks:
+            means = [estimate([_by_instance(found) for found in of.values()]) for of in shared]
+            rows.append(["**mean q**", *(f"**{found.mean:.2f}**" if found else "" for found in means)])
+            if all(found and found.low is not None for found in means):
+                rows.append(["95 % interval", *(f"{e.low:.2f} to {e.high:.2f}" for e in means if e)])
+            whole = [sum(one.q == 1.0 for found in of.values() for one in found) for of in shared]
+            rows.append([f"q = 1, of {len(common)}", *map(str, whole)])
+            theirs = [paper_mean(method, tasks) for method in self.methods]
+            if any(mean is not None for mean in theirs):
+                cells = ["" if mean is None else f"*{mean:.2f}*" for mean in theirs]
+                rows.append([f"*the paper's mean of these {len(tasks)}*", *cells])
+        note = (
+            f"The rows below the tasks are over the {len(common)} start states of {len(tasks)} tasks that all played."
+        )
+        return f"{grid(['task', *(f'`{method}`' for method in self.methods)], rows)}\n\n{note}"
+
+    def plot(self) -> str:
+        """An SVG file: the mean q of each task as a bar for every method that has it, and the paper's as a diamond."""
+        drawing = Drawing("q of each task", _WIDE)
+        theirs = paper_scores().get("mpvi", {})
+        y = drawing.legend(
+            0, [*((f"m{i + 1}", name) for i, name in enumerate(self.methods)), ("diamond", "the paper's mpvi")]
+        )
+        top, left, right = y + 8, _LABEL, _WIDE - _RIGHT
+        each = {method: self.of(method) for method in self.methods}
+        shown = [task for task in self.tasks if any(task in tasks for tasks in each.values())]
+        bottom = top + _ROW * len(shown)
+
+        def px(q: float) -> float:
+            return left + q * (right - left)
+
+        for q in (0.0, 0.25, 0.5, 0.75, 1.0):
+            drawing.line(px(q), top, px(q), bottom, "grid" if q else "axis")
+            drawing.text(px(q), bottom + 14, f"{q:g}", "dim small", "middle")
+        for row, task in enumerate(shown):
+            middle = top + _ROW * (row + 0.5)
+            drawing.text(0, middle + 4, f"{_number(task)}  {task}", "small", room=_LABEL - 8)
+            drawing.line(px(0), middle, px(1), middle, "grid")
+            for i, tasks in enumerate(each.values()):
+                if found := tasks.get(task):
+                    mean = float(np.mean([one.q for one in found]))
+                    at = middle - 6 + 12 * (i + 0.5) / len(each)
+                    drawing.rect(px(0), at - 2, max(2.0, px(mean) - px(0)), 4, f"m{i + 1}", f"{[*each][i]}: {mean:.2f}")
+            if task in theirs:
+                drawing.diamond(px(theirs[task]), middle, 4, "theirs")
+        return drawing.svg(bottom + 22, alone=True) + "\n"
+
+
+def gave_up(episodes: Sequence[Episode]) -> str:
+    """Why units were given up in the episodes that missed something, the most frequent reason first."""
+    missed = [one for one in episodes if one.q < 1.0]
+    common = Counter(code for one in missed for code in one.reasons).most_common(NAMED)
+    text = ", ".join(code if count == 1 else f"{code} {count}" for code, count in common)
+    late = sum(one.ended == "time_limit" for one in missed)
+    return "; ".join(filter(None, [text, f"out of time {late}" if late else ""]))
+
+
+def _number(task: str) -> int | str:
+    """BEHAVIOR's number of a task, where it is one of its fifty."""
+    order = [*paper_scores().get("mpvi", {})]
+    return order.index(task) if task in order else ""
+
+
+def _by_instance(episodes: Sequence[Episode]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """(instances,) q of each instance, the mean of its seeds."""
+    instances = sorted({one.instance for one in episodes})
+    return np.array([np.mean([one.q for one in episodes if one.instance == i]) for i in instances])
+
+
+def _cell(episodes: Sequence[Episode]) -> str:
+    """Mean q, and in brackets how many of how many met the whole goal."""
+    if not episodes:
+        return ""
+    return f"{np.mean(_by_instance(episodes)):.2f} ({sum(one.q == 1.0 for one in episodes)}/{len(episodes)})"
+
+
+def _told(found: Estimate | None) -> str:
+    if found is None:
+        return "unknown"
+    return f"{found.mean:.2f}" + ("" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})")
+
+
+def _short(q: float) -> str:
+    return f"{q:.2f}".rstrip("0").rstrip(".")
