@@ -12,11 +12,13 @@ import pytest
 
 from mpvi_bt.drawing.text import Line
 from mpvi_bt.errors import UserError
-from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
+from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
+from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording import search_colors as colors
-from mpvi_bt.recording.frame_text import SIZE, Caption
+from mpvi_bt.recording.cards import closing, opening
+from mpvi_bt.recording.frame_text import BAR, INKS, SIZE, Caption
 from mpvi_bt.recording.path_picture import PathPicture, path_picture
 from mpvi_bt.recording.video import Follower, Video, compose
 from mpvi_bt.robot.protocol import CameraImage
@@ -27,11 +29,16 @@ from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.yaml_io import parse_tree
 from tests.navigation_maps import thing, two_rooms
 from tests.search_views import MadeUpSearch, find
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
+
+
+WAITING = parse_tree("tree: waiting\nroot: {wait: 5}", "waiting.yaml")
 
 
 class VisibleWorld(KinematicWorld):
@@ -57,10 +64,10 @@ class Interrupting(Watcher):
             raise KeyboardInterrupt
 
 
-def watch(world: KinematicWorld, *subscribers: Subscriber, max_time_s: float = 2.0) -> None:
-    """Run a short episode under the eyes of these."""
-    context = scripted_context(world, SKILLS, {"trash can": (1.0, 0.0), "can of soda": (0.0, 0.5)}, {})
-    run_episode(Tree(SPEC), world, context, subscribers, max_time_s=max_time_s)
+def watch(world: KinematicWorld, *subscribers: Subscriber, spec: TreeSpec = SPEC, can_m: float = 1.0) -> None:
+    """Run two seconds under the eyes of these; the trash can is so far away."""
+    context = scripted_context(world, SKILLS, {"trash can": (can_m, 0.0), "can of soda": (0.0, 0.5)}, {})
+    run_episode(Tree(spec), world, context, subscribers, max_time_s=2.0)
 
 
 def frames(file: Path) -> list[np.ndarray]:
@@ -153,7 +160,7 @@ def test_the_picture_of_a_map_that_was_built_shows_what_is_known_of_it() -> None
 def test_the_video_of_a_search_shows_its_map(tmp_path: Path) -> None:
     """Under the views, with the colors of the search; the film is as long as any other."""
     world, file = VisibleWorld(), tmp_path / "episode.mp4"
-    watch(world, Video(file, "picking_up_trash", frames_per_s=5, speed=1, search=MadeUpSearch()))
+    watch(world, Video(file, "waiting", frames_per_s=5, speed=1, search=MadeUpSearch()), spec=WAITING)
     shown = frames(file)
     assert len(shown) == 2 * 5 + 1 + 5
     assert has(shown[0][:360, :480], (20, 200, 20), 30)
@@ -176,12 +183,42 @@ def test_an_episode_leaves_its_picture_even_when_interrupted(tmp_path: Path) -> 
 def test_the_video_plays_with_a_frame_for_every_so_many_steps(tmp_path: Path) -> None:
     """Two seconds at five frames a second, the last state for a second more; the outside view is in it."""
     world, file = VisibleWorld(), tmp_path / "new" / "episode.mp4"
-    watch(world, Video(file, "picking_up_trash", frames_per_s=5, speed=1))
+    watch(world, Video(file, "waiting", frames_per_s=5, speed=1), spec=WAITING)
     shown = frames(file)
     assert len(shown) == 2 * 5 + 1 + 5
     assert shown[0].shape == (SIZE[1], SIZE[0], 3)
     assert has(shown[0][:500, :700], (20, 200, 20), 30)
     assert world.looks == len(shown)
+
+
+def test_a_video_of_a_plan_begins_with_it_and_passes_over_drives(tmp_path: Path) -> None:
+    """Six seconds of a card without a picture of the world, then half as many frames of two seconds of driving."""
+    world, file = VisibleWorld(), tmp_path / "episode.mp4"
+    watch(world, Video(file, "picking_up_trash", frames_per_s=5, speed=1), can_m=9.0)
+    shown = frames(file)
+    assert [has(frame[:500, :700], (20, 200, 20), 30) for frame in shown] == [False] * 6 * 5 + [True] * (5 + 1 + 5)
+
+
+def test_a_video_ends_with_the_goal() -> None:
+    """Each condition in the color of its mark; without a goal there is no such card."""
+    met, missed = INKS["success"], INKS["failure"]
+    report = GoalReport(False, 0.5, 0.5, (GoalCondition("a is in b", True), GoalCondition("c is on d", False)))
+    card = closing(Outcome("success", 12.0, goal=report), SPEC)
+    assert card is not None
+    assert has(card, met)
+    assert has(card, missed)
+    assert closing(Outcome("success", 12.0), SPEC) is None
+
+
+def test_a_plan_of_any_length_fits_its_card() -> None:
+    """Nothing is written on the margin of a card, however many units there are and however long the words."""
+    units = "".join(f"\n  - {{attempt: {'carry it on ' * 20}{i}, child: {{wait: 1}}}}" for i in range(90))
+    spec = parse_tree(f"tree: long\nroot:\n  sequence: long\n  memory: true\n  children:{units}\n", "long.yaml")
+    card = opening("x" * 200, "y" * 300, replace(spec, instruction="very " * 300 + "long"))
+    assert card is not None
+    inner = card.copy()
+    inner[8:-8, 32:-32] = card[0, 0]
+    assert (inner == card[0, 0]).all()
 
 
 def test_after_ctrl_c_the_video_plays(tmp_path: Path) -> None:
@@ -201,11 +238,12 @@ def test_a_file_that_cannot_be_written_is_a_user_error(tmp_path: Path) -> None:
 
 
 def test_a_long_tree_leaves_the_frame_in_order() -> None:
-    """Lines that do not fit are counted, not drawn over what is below."""
+    """Lines that do not fit are counted, not drawn over what is below; the node in force is among those that do."""
     head = np.zeros((240, 320, 3), np.uint8)
-    tree = [Line(f"n{i}", None, f"line {i}", "", "") for i in range(300)]
-    frame = compose(None, head, Caption(tree=tree))
+    tree = [Line(f"n{i}", "running" if i == 200 else None, f"line {i}", "", "") for i in range(300)]
+    frame = compose(None, head, Caption(tree=tree, at="n200"))
     assert frame.shape == (SIZE[1], SIZE[0], 3)
+    assert has(frame[:-60, 800:], BAR, 0)
 
 
 def test_the_following_camera_looks_at_the_robot_and_stays_upright() -> None:

@@ -205,7 +205,8 @@ def _recorders(
     if config.trace is not None:
         recorders.append(Recorder(config.trace, config.record(), config.seed, saved.run if saved else None))
     if config.video is not None:
-        recorders.append(Video(config.video, config.name, search=search))
+        parts = ", ".join(f"{kind} {name}" for kind, name in config.backends.items())
+        recorders.append(Video(config.video, config.name, parts, search=search))
     if config.rerun is not None:
         recorders.append(RerunLog(config.rerun, grid, config.name, search))
     if config.picture is not None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mpvi_bt.drawing.symbols import Standing
-from mpvi_bt.drawing.text import LEGEND, Line
+from mpvi_bt.drawing.text import LEGEND, Line, left_out, window
 from mpvi_bt.recording.labels import Color, Picture
 
 SIZE = (1280, 720)  # of a frame: width, height
@@ -16,13 +16,14 @@ INK: Color = (226, 228, 232)
 DIM: Color = (140, 146, 158)
 COLUMNS, LINE_PX = 59, 15  # of the tree's text
 WRIST = (160, 120)  # picture of a wrist camera
-_INKS: Mapping[Standing, Color] = {
+INKS: Mapping[Standing, Color] = {
     "running": (120, 200, 255),
     "success": (130, 210, 140),
     "failure": (255, 120, 110),
     "gave_up": (255, 190, 90),
 }
-_PITCH_PX = 7.8  # of a letter
+BAR: Color = (32, 84, 128)  # behind the node in force
+PITCH_PX = 7.8  # of a letter
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Caption:
         tree: How it stands, a line a node.
         instruction: What the robot was told.
         wrists: What the wrist cameras see, by side.
+        answers: The checker's last, a line each, the newest last.
+        at: Path of the node that is drawn as the one in force, or "".
     """
 
     title: str = ""
@@ -42,6 +45,8 @@ class Caption:
     tree: Sequence[Line] = ()
     instruction: str = ""
     wrists: Mapping[str, Picture] = field(default_factory=dict)
+    answers: Sequence[str] = ()
+    at: str = ""
 
 
 def plain(text: str) -> str:
@@ -49,23 +54,38 @@ def plain(text: str) -> str:
     return text.encode("ascii", "replace").decode()
 
 
-def wrapped(text: str, width_px: int, lines: int) -> list[str]:
+def wrapped(text: str, width_px: float, lines: int) -> list[str]:
     """The text in so many lines at most."""
-    columns = int(width_px / _PITCH_PX)
+    columns = int(width_px / PITCH_PX)
     return textwrap.wrap(plain(text), columns, max_lines=lines, placeholder=" ...") if text else []
 
 
-def write_tree(frame: Picture, tree: Sequence[Line], left: int, top: int, bottom: int) -> None:
-    """Write a tree's lines from `top` down to `bottom`; those that do not fit are left out, and counted."""
+def write_tree(frame: Picture, caption: Caption, left: int, top: int, bottom: int) -> None:
+    """Write the tree's lines from `top` down to `bottom`, the node in force on a bar of its color.
+
+    Of a tree that is too long its root and the lines about what runs are shown; the others are counted.
+    """
     room = (bottom - top) // LINE_PX - 1
-    shown = tree if len(tree) <= room else tree[: room - 1]
+    shown = list(caption.tree)
+    if len(shown) > room:
+        root, rest = shown[0], shown[1:]
+        first, last = window(rest, room - 2)
+        shown = [root, *rest[first:last], Line("", None, left_out(first, last, len(rest)), "", "")]
     for i, line in enumerate(shown):
         ink = INK if i == 0 else DIM
-        ink = _INKS.get(line.standing, ink) if line.standing else ink
-        write(frame, plain(line.text), (left, top + (i + 1) * LINE_PX), ink)
-    if len(shown) < len(tree):
-        more = f"... {len(tree) - len(shown)} more lines"
-        write(frame, more, (left, top + (len(shown) + 1) * LINE_PX), DIM)
+        ink = INKS.get(line.standing, ink) if line.standing else ink
+        y = top + (i + 1) * LINE_PX
+        if line.path and line.path == caption.at:
+            frame[y - LINE_PX + 4 : y + 4, left - 4 : left + round(COLUMNS * PITCH_PX)] = BAR
+            ink = INK
+        write(frame, plain(line.text), (left, y), ink)
+
+
+def write_answers(frame: Picture, answers: Sequence[str], left: int, bottom: int, width: int) -> None:
+    """Write each on a line, up from `bottom`; the newest, which is the lowest, stands out."""
+    for k, answer in enumerate(reversed(answers)):
+        for line in wrapped(answer, width, 1):
+            write(frame, line, (left, bottom - k * LINE_PX), DIM if k else INK)
 
 
 def write_legend(frame: Picture, left: int, bottom: int) -> None:
@@ -84,18 +104,18 @@ def show_wrists(frame: Picture, wrists: Mapping[str, Picture], right: int, botto
     for side, picture in wrists.items():
         part = frame[bottom - height : bottom, left : left + width]
         part[:] = cv2.resize(picture, WRIST, interpolation=cv2.INTER_AREA)
-        cv2.rectangle(part, (0, 0), (8 + round(_PITCH_PX * len(side)), 16), PAPER, -1)
+        cv2.rectangle(part, (0, 0), (8 + round(PITCH_PX * len(side)), 16), PAPER, -1)
         write(part, side, (4, 12), INK)
         left += width
 
 
-def write(frame: Picture, text: str, at: tuple[int, int], color: Color, pitch_px: float = _PITCH_PX) -> None:
+def write(frame: Picture, text: str, at: tuple[int, int], color: Color, scale: float = 1.0) -> None:
     """Write `text` at column and row `at` in cells of one width, as a tree needs; OpenCV has no such font."""
     import cv2
 
-    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45
+    font, size, pitch_px, thick = cv2.FONT_HERSHEY_SIMPLEX, 0.45 * scale, PITCH_PX * scale, max(1, round(0.8 * scale))
     for k, character in enumerate(text):
         if character != " ":
-            width = cv2.getTextSize(character, font, size, 1)[0][0]
+            width = cv2.getTextSize(character, font, size, thick)[0][0]
             place = round(at[0] + k * pitch_px + (pitch_px - width) / 2), at[1]
-            cv2.putText(frame, character, place, font, size, color, 1, cv2.LINE_AA)
+            cv2.putText(frame, character, place, font, size, color, thick, cv2.LINE_AA)

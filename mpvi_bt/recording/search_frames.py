@@ -22,6 +22,7 @@ from mpvi_bt.recording.frame_text import (
     show_wrists,
     wrapped,
     write,
+    write_answers,
     write_legend,
     write_tree,
 )
@@ -35,7 +36,7 @@ from mpvi_bt.robot.solids import Array
 _VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
 OUTSIDE = _VIEW  # the size that is rendered
 _LETTERS = 38  # of a line of it
-_MAP = (800, 360)  # lower left; the tree beside it
+_MAP = (800, 306)  # lower left; below it the checker's answers, beside it the tree
 
 
 class SearchFrames:
@@ -55,7 +56,8 @@ class SearchFrames:
         Args:
             outside: (H, W, 3) RGB, or None where there is no such view.
             world: Where the robot is now.
-            caption: Title and status stand over the legend, the instruction over the pictures' lower edge.
+            caption: Title and status stand over the legend, the instruction over the pictures' lower edge, the
+                checker's answers below the map.
 
         Returns:
             (720, 1280, 3) uint8 RGB.
@@ -71,7 +73,9 @@ class SearchFrames:
         felt = world.robot.proprioception()
         self._way.append(felt.base_pose)
         outline = robot_named(felt.robot).base.outline
-        frame[height:, : _MAP[0]] = self._map.draw(self._view, felt.base_pose, outline, self._way, image)
+        frame[height : height + _MAP[1], : _MAP[0]] = self._map.draw(
+            self._view, felt.base_pose, outline, self._way, image
+        )
         self._legend(frame[:, 2 * width :][:height], [*caption.status[:1], caption.title, *caption.status[1:]])
         told = wrapped(caption.instruction, 2 * width - 16, 2)
         if told:
@@ -79,7 +83,8 @@ class SearchFrames:
         for k, line in enumerate(reversed(told)):
             write(frame, line, (8, height - 6 - LINE_PX * k), INK)
         bottom = SIZE[1] - WRIST[1] * bool(caption.wrists)
-        write_tree(frame, caption.tree, _MAP[0] + 8, height, bottom)
+        write_tree(frame, caption, _MAP[0] + 8, height, bottom)
+        write_answers(frame, caption.answers, 8, SIZE[1] - 8, _MAP[0] - 16)
         show_wrists(frame, caption.wrists, SIZE[0], SIZE[1])
         return frame
 

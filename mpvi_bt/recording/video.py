@@ -12,6 +12,7 @@ import numpy as np
 from mpvi_bt.drawing.text import tree_lines
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.recording import cards
 from mpvi_bt.recording.frame_text import (
     COLUMNS,
     DIM,
@@ -42,6 +43,9 @@ _OUTSIDE = (800, 600)  # picture from outside, upper left,
 _RENDERED = (640, 480)  # rendered smaller, as it is most of what a frame costs on a CPU (0.1 s)
 _HEAD = (480, 360)  # picture of the head camera, upper right
 _POSTER_QUALITY = 88
+_DRIVING = 2  # times faster than else, our choice: less happens
+_LAST_S, _CARD_S = 1.0, 6.0  # of the film: so long the last state, and each card, are shown
+_ANSWERS = 3  # the checker's last that a frame tells
 
 
 class Outside(Protocol):
@@ -55,14 +59,17 @@ class Outside(Protocol):
 class Video(Watcher):
     """Subscriber that writes an mp4. Each frame costs several pictures, so it draws only every few steps.
 
-    The file is closed properly however the episode ends, Ctrl-C included. Its last frame, which tells q, also goes
-    beside it, as `NAME.poster.jpg`, for pages that show the film.
+    It begins with a card of instruction and plan, and ends with one of the goal's conditions, where there are such. The
+    file is closed properly however the episode ends, Ctrl-C included. The last state, with q, also goes beside it, as
+    `NAME.poster.jpg`, for pages that show the film.
 
     Args:
         file: Where to write.
         title: Written in each frame.
+        about: Who does what in the episode; written on the first card.
         frames_per_s: Of simulated time; 30 at most.
-        speed: How many times faster than simulated time the video plays. Our choice: twice, at ten frames a second.
+        speed: How many times faster than simulated time the video plays. Our choice: twice, at ten frames a second;
+            while the robot only drives, twice as fast again. Each frame tells it.
         viewpoint: T_world_camera (4, 4), optical frame, for a base pose (3,); None: a camera that follows the robot.
         search: Where the robot searches: frames show its map, too, and what was detected in the head's picture.
     """
@@ -71,14 +78,15 @@ class Video(Watcher):
         self,
         file: str | Path,
         title: str = "",
+        about: str = "",
         frames_per_s: float = 5.0,
         speed: float = 2.0,
         viewpoint: Callable[[Array], Array] | None = None,
         search: SearchView | None = None,
     ) -> None:
-        self._file, self._title, self._viewpoint = Path(file), title, viewpoint
+        self._file, self._title, self._about, self._viewpoint = Path(file), title, about, viewpoint
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
-        self._fps = CONTROL_HZ / self._every * speed
+        self._fps, self._speed = CONTROL_HZ / self._every * speed, speed
         self._follow = Follower()
         self._search = None if search is None else SearchFrames(search)
         self._writer: Generator[None, Picture | None, None] | None = None
@@ -105,21 +113,32 @@ class Video(Watcher):
         )
         self._writer.send(None)
         self._last = tree, world
+        self._show(cards.opening(self._title, self._about, tree.spec), _CARD_S)
 
     def step(self, tree: Tree, world: World) -> None:
         """Draw a frame when one is due."""
-        if world.steps % self._every == 0:
-            self._send(tree, world, [f"{world.time_s:.1f} s", _doing(tree)])
+        if world.steps % self._every:
+            return
+        states = tree.states()
+        busy = max(
+            (n for n in tree.spec.nodes if states[n.path].status == "RUNNING"), key=lambda n: n.depth, default=None
+        )
+        faster = _DRIVING if busy and busy.spec.kind == "navigate" else 1
+        if world.steps % (self._every * faster) == 0:
+            status = [f"{world.time_s:.1f} s, shown at {self._speed * faster:g}x", _doing(tree)]
+            self._send(tree, world, status, busy.path if busy else "")
 
     def end(self, outcome: Outcome) -> None:
-        """Show the last state for a second, if it can be drawn, and close the file."""
+        """Show the last state for a second, if it can be drawn, then how the goal stands, and close the file."""
         if self._writer is None or self._last is None:
             return
         try:
             if outcome.ending != "error":
-                told = outcome.told(self._last[0].spec)
-                for _ in range(round(self._fps)):
+                spec = self._last[0].spec
+                told = outcome.told(spec)
+                for _ in range(round(self._fps * _LAST_S)):
                     self._send(*self._last, told.split(", ", 1) if outcome.goal else ["", told])
+                self._show(cards.closing(outcome, spec), _CARD_S)
         finally:
             writer, self._writer = self._writer, None
             writer.close()  # waits for ffmpeg to write the index, without which the file does not play
@@ -135,7 +154,7 @@ class Video(Watcher):
             if ok:
                 self._file.with_suffix(".poster.jpg").write_bytes(data.tobytes())
 
-    def _send(self, tree: Tree, world: World, status: Sequence[str]) -> None:
+    def _send(self, tree: Tree, world: World, status: Sequence[str], at: str = "") -> None:
         if self._writer is None:
             return
         body = world.robot.proprioception()
@@ -152,16 +171,34 @@ class Video(Watcher):
             tree=tree_lines(tree.spec, tree.states(), COLUMNS, fold=True),
             instruction=tree.spec.instruction,
             wrists={side: world.robot.look(side).rgb for side in sides},
+            answers=_answers(tree),
+            at=at,
         )
         if self._search is not None:
             frame = self._search.frame(outside, world, caption)
         else:
             frame = compose(outside, world.robot.look("head").rgb, caption)
         self._frame = frame
+        self._write(frame)
+
+    def _show(self, card: Picture | None, for_s: float) -> None:
+        """A card, if there is one, for so long."""
+        for _ in range(round(self._fps * for_s) if card is not None else 0):
+            self._write(card)
+
+    def _write(self, frame: Picture | None) -> None:
+        assert self._writer is not None
         try:
             self._writer.send(frame)
         except OSError as error:
             raise BackendError(f"{self._file}: ffmpeg stopped writing the video: {error}") from error
+
+
+def _answers(tree: Tree) -> list[str]:
+    """What prompted the checker, what it was asked and what it said, of its last answers."""
+    context = getattr(tree, "context", None)  # none where setup failed
+    queries = context.log.queries[-_ANSWERS:] if context else []
+    return [f"{q.time_s:.1f} s, {q.event}: {q.criterion}? {'Yes' if q.complete else 'No'}: {q.reason}" for q in queries]
 
 
 def _doing(tree: Tree) -> str:
@@ -219,13 +256,14 @@ def compose(outside: Picture | None, head: Picture, caption: Caption) -> Picture
     if beside is not None:
         frame[: _HEAD[1], _OUTSIDE[0] :] = cv2.resize(beside, _HEAD, interpolation=cv2.INTER_LINEAR)
         top = _HEAD[1]
-    write_tree(frame, caption.tree, _OUTSIDE[0] + 8, top, SIZE[1] - 3 * LINE_PX)
+    write_tree(frame, caption, _OUTSIDE[0] + 8, top, SIZE[1] - 3 * LINE_PX)
     write_legend(frame, _OUTSIDE[0] + 8, SIZE[1] - 8)
     show_wrists(frame, caption.wrists, _OUTSIDE[0], SIZE[1])
     head_line = "   ".join(filter(None, (*caption.status[:1], caption.title)))
     cv2.putText(frame, plain(head_line), (12, _OUTSIDE[1] + 28), cv2.FONT_HERSHEY_SIMPLEX, 0.65, INK, 2, cv2.LINE_AA)
     room = _OUTSIDE[0] - WRIST[0] * len(caption.wrists) - 24
     said = [(line, INK) for text in caption.status[1:] for line in wrapped(text, room, 1)]
+    said += [(line, INK) for text in caption.answers[-1:] for line in wrapped(text, room, 1)]
     said += [(line, DIM) for line in wrapped(caption.instruction, room, 4 - len(said))]
     for k, (line, ink) in enumerate(said):
         write(frame, line, (12, _OUTSIDE[1] + 50 + 18 * k), ink)
