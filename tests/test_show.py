@@ -33,9 +33,10 @@ def test_lists_have_every_thing_and_every_family(mpvi: Shell) -> None:
     ("args", "said"),
     [
         (["trash_cam"], "Did you mean 'trash_can'?"),
+        (["picking_up_trush"], "Did you mean 'picking_up_trash'?"),
         (["trash_can", "--out", "x.gif"], "x.gif: pictures are written as .png or .jpg."),
-        ([], "Name a thing of the catalogue, or give --page."),
-        (["cup", "--page", "x.md"], "Name a thing of the catalogue, or give --page."),
+        ([], "Name a thing of the catalogue or a task, or give --page."),
+        (["cup", "--page", "x.md"], "Name a thing of the catalogue or a task, or give --page."),
     ],
 )
 def test_what_cannot_be_shown_is_told(args: list[str], said: str, mpvi: Shell) -> None:
@@ -62,3 +63,17 @@ def test_a_thing_of_ones_own_is_drawn(tmp_path: Path, mpvi: Shell) -> None:
     assert picture.shape == (480, 640, 3)
     blue, green, red = picture[240, 320].astype(int)
     assert red > 2 * max(blue, green)
+
+
+@pytest.mark.render
+def test_the_house_of_a_task_is_drawn(mpvi: Shell, tmp_path: Path) -> None:
+    """Wide, and with the garden's grass in it, which is the only green of its kind."""
+    done = mpvi("show", "picking_up_trash", "--out", "house.png")
+    assert (done.returncode, done.stdout) == (0, "wrote house.png\n")
+    import cv2
+
+    picture = cv2.imread(str(tmp_path / "house.png"))
+    assert picture is not None
+    assert picture.shape == (640, 1400, 3)
+    blue, green, red = (picture[..., k].astype(int) for k in range(3))
+    assert 0.02 < ((green > red + 30) & (green > blue + 60)).mean() < 0.4

@@ -19,7 +19,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "compile": ("mpvi_bt.cli.compile_plan:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
     "new": ("mpvi_bt.cli.new:new", "Write files to begin with: a task, tree, skill, object, policy."),
-    "show": ("mpvi_bt.cli.show:show", "Draw a thing of the catalogue, or a page of all families."),
+    "show": ("mpvi_bt.cli.show:show", "Draw a thing of the catalogue, a task's house, or all families."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
     "edit": ("mpvi_bt.cli.edit:edit", "Edit a tree in a browser, with its problems and a dry run."),
     "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),

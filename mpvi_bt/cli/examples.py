@@ -51,7 +51,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     "new house": ("flat", "flat --root ~/robot", "flat --json"),
     "new task": ("clear_the_table", "clear_the_table --root ~/robot", "clear_the_table --json"),
     "new policy": ("my_policy", "my_policy --root src", "my_policy --json"),
-    "show": ("trash_can", "wicker_basket --out basket.jpg", "--page docs/families.md"),
+    "show": ("trash_can --out can.jpg", "picking_up_trash --out house.png", "--page docs/families.md"),
     "check": (
         "my_tree.yaml",
         "trees tasks",

@@ -1,15 +1,22 @@
-"""`mpvi show`: pictures of things of the catalogue."""
+"""`mpvi show`: pictures of things of the catalogue, and of houses."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from mpvi_bt.errors import UnknownName, UserError
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 _FILE = click.Path(dir_okay=False, path_type=Path)
-_SMALL, _LARGE = (200, 150), (640, 480)
+_SMALL, _LARGE, _WIDE = (200, 150), (640, 480), (1400, 640)
+_FOV_RAD = 0.6
+_TILT_RAD = 0.5  # of the camera over a house: one sees floors and things on them, and walls as such
 _JPEG_QUALITY = 85
 
 
@@ -18,16 +25,19 @@ _JPEG_QUALITY = 85
 @click.option("--out", type=_FILE, metavar="FILE", help="File to write, png or jpg.  [default: NAME.png]")
 @click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
 def show(name: str | None, out: Path | None, page: Path | None) -> None:
-    """Draw the thing of the catalogue that is called NAME, or that is of the family NAME; its doors ajar.
+    """Draw the thing of the catalogue that is called NAME, or that is of the family NAME, its doors ajar; or a task.
+
+    Of a task its house is drawn from above, as instance 0 begins.
 
     With --page a picture of every family goes into a folder beside the page, which is named after it.
     """
+    from mpvi_bt import paths
     from mpvi_bt.things.catalogue import load_catalogue
     from mpvi_bt.things.families import FAMILIES
 
     catalogue = load_catalogue()
     if (name is None) == (page is None):
-        raise click.UsageError("Name a thing of the catalogue, or give --page.")
+        raise click.UsageError("Name a thing of the catalogue or a task, or give --page.")
     if page is not None:
         if out is not None:
             raise click.UsageError("--out is of one picture; the page says itself where its pictures are.")
@@ -41,22 +51,43 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
         return
     assert name is not None
     entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
-    if entry is None:
-        raise UnknownName("catalogue entry or family", name, {*catalogue.entries, *FAMILIES})
+    if entry is None and name not in (tasks := paths.names("tasks")):
+        raise UnknownName("catalogue entry, family or task", name, {*catalogue.entries, *FAMILIES, *tasks})
     out = out or Path(f"{name}.png")
     if out.suffix not in (".png", ".jpg"):
         raise UserError(f"{out}: pictures are written as .png or .jpg.")
-    _draw(entry.name, out, _LARGE)
+    if entry is None:
+        _keep(_house(name), out)
+    else:
+        _draw(entry.name, out, _LARGE)
     click.echo(f"wrote {out}")
 
 
 def _draw(name: str, path: Path, size: tuple[int, int]) -> None:
-    import cv2
-
     from mpvi_bt.sim.portrait import portrait
     from mpvi_bt.things.catalogue import load_catalogue
 
-    picture = portrait(load_catalogue()[name], size)
+    _keep(portrait(load_catalogue()[name], size), path)
+
+
+def _house(name: str) -> NDArray[np.uint8]:
+    """The house of a task from above, as its first instance begins."""
+    from mpvi_bt.house.house import load_house
+    from mpvi_bt.instances.instances import begin, expanded_problem
+    from mpvi_bt.instances.tasks import load_task
+    from mpvi_bt.sim.views import overview
+    from mpvi_bt.things.catalogue import load_catalogue
+
+    task, catalogue = load_task(name), load_catalogue()
+    house = load_house(task.house)
+    world, _ = begin(task, house, catalogue, expanded_problem(task, house), 0)
+    aspect = _WIDE[0] / _WIDE[1]
+    return world.look_from(overview(house, _FOV_RAD, aspect, _TILT_RAD), _WIDE, _FOV_RAD).rgb
+
+
+def _keep(picture: NDArray[np.uint8], path: Path) -> None:
+    import cv2
+
     how = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if path.suffix == ".jpg" else []
     ok, data = cv2.imencode(path.suffix, picture[..., ::-1], how)
     assert ok
