@@ -487,6 +487,31 @@ def test_a_server_that_speaks_first(name: str, capfd: pytest.CaptureFixture[str]
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_handshake_in_small_pieces() -> None:
+    """It speaks HTTP wherever the network cuts its answer: within the first line, after it, within a header."""
+
+    def talk(client: socket.socket) -> None:
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        answer = Pieces(client)
+        agreed(answer)  # type: ignore[arg-type]
+        client.sendall(bytes([0x82, len(packed({}))]) + packed({}))
+        over.wait(30)
+
+    class Pieces:
+        def __init__(self, client: socket.socket) -> None:
+            self.recv, self._send = client.recv, client.sendall
+
+        def sendall(self, data: bytes) -> None:
+            for k in range(0, len(data), 7):
+                self._send(data[k : k + 7])
+                time.sleep(0.01)
+
+    over = threading.Event()
+    with raw_server(talk) as address:
+        policy_at(address).reset()
+    over.set()
+
+
 def test_what_hangs_up_in_the_middle_of_the_handshake() -> None:
     """It may be starting, so it is tried until time is up, and then it was there."""
 

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
+from websockets.client import ClientProtocol
 from websockets.exceptions import (
     ConnectionClosed,
     InvalidMessage,
@@ -126,7 +127,18 @@ class Connection:
 class _Websocket(ClientConnection):
     """One that hangs up as soon as the server has broken the rules, or closed it; else the server would have to."""
 
+    _first = b""  # five bytes that the server said
     _no_http = ""  # what the server said instead
+
+    def __init__(self, channel: socket.socket, protocol: ClientProtocol, **options: Any) -> None:
+        feed = protocol.reader.feed_data
+
+        def noted(data: bytes | bytearray) -> None:
+            self._first += data[: 5 - len(self._first)]
+            feed(data)
+
+        protocol.reader.feed_data = noted  # type: ignore[method-assign]  # lines that were read are not kept there
+        super().__init__(channel, protocol, **options)
 
     def handshake(self, *args: Any, **options: Any) -> None:
         """Raise what is wrong with what the server said, rather than what came of that.
@@ -149,8 +161,8 @@ class _Websocket(ClientConnection):
         if protocol.state is State.CONNECTING and not reader.eof:
             if isinstance(failed, InvalidMessage):
                 self._no_http = str(_root(failed))
-            elif not b"HTTP/".startswith(begun := bytes(reader.buffer[:5])):
-                self._no_http = repr(begun)
+            elif not b"HTTP/".startswith(self._first):
+                self._no_http = repr(self._first)
         if protocol.parser_exc:  # to be reset at the end: who sends a huge frame would wait minutes for it to be read
             with contextlib.suppress(OSError):
                 self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
