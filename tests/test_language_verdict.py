@@ -115,7 +115,9 @@ AGAINST_YES = [
     "1 of 2 of them", "please provide the photograph", "I can help with that", "it should be {place}", "I doubt it",
     "though the {thing} isn't {place}", "it is hard to say", "I assume", "probably", "it is unclear whether it is",
     "the {thing} has yet to be placed", "once the {thing} is {place}", "the task remains unfinished", "never",
-    "would be the answer if the {thing} were {place}", "is not the answer", "or no?", "what else?",
+    "would be the answer if the {thing} were {place}", "is not the answer", "or no?", "what else?", "I think so",
+    "in a moment", "more or less", "they say it is", "that contradicts the picture", "it is out of the picture",
+    "in the second picture", "the opposite is shown",
 ]  # fmt: skip
 AGAINST_NO = [
     "the task is complete", "it is done", "the criterion is satisfied", "that is correct", "doubt, it is {place}",

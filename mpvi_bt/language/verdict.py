@@ -48,10 +48,13 @@ _AGAINST_YES = _words(
 _STEMS_AGAINST_YES = (
     "incorrect", "inaccura", "disagree", "fail", "lack", "remain", "refus", "declin", "partial", "theor", "hypothet",
     "suppos", "alleg", "guess", "assum", "presum", "doubt", "question", "debat", "ambig", "obscur", "occlu", "blur",
-    "provid", "upload",
+    "provid", "upload", "contradict", "oppos",
 )  # fmt: skip
 _PHRASES_AGAINST_YES = re.compile(
-    r"\b(?:(?:about|going|used) to|so far|far from|out of (?:view|frame|sight|focus)|\d+ (?:out )?of)\b|\w'll\b"
+    r"\b(?:(?:about|going|used) to|so far|far from|\d+ (?:out )?of|more or less|in a (?:moment|minute|second|bit|while)"
+    r"|out of (?:the )?(?:view|frame|sight|focus|picture|image|photo(?:graph)?)|i (?:think|believe|suspect|hope|reckon)"
+    r"|(?:they|people|some|others) (?:say|claim|think)|(?:second|other|previous|next|last) (?:picture|image|photo)"
+    r")\b|\w'll\b"
     r"|^[*_`\"']*\s+(?:is|was|or|and|means?|as|in|can)\b"  # "Yes is what I say if"
 )
 # What takes a no back besides: a yes, a "no" that belongs to the next word, or a thing done without a "not" beside it.
