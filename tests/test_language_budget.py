@@ -101,7 +101,7 @@ def test_a_suites_budget_outlives_its_episodes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{", "[]", '{"calls": 1}', '{"calls": "1", "tokens": 2}', '{"calls": -1, "tokens": 0}']
+    "text", ["", "{", "[]", '{"calls": 1}', '{"calls": "1", "tokens": 2}', '{"calls": -1, "tokens": 0}', "[" * 10_000]
 )
 def test_a_broken_ledger_stops_spending(tmp_path: Path, text: str) -> None:
     """It names the file: how much was spent is not known."""

@@ -96,11 +96,14 @@ def test_measured_times_come_in_turn(tmp_path: Path) -> None:
     assert read_latencies(f"planner=@{file}") == {"planner": Latency(measured_s=(0.5,))}
 
 
-@pytest.mark.parametrize("content", ["{}", '{"policy": []}', '{"policy": [true]}', "[", '{"policy": [-1]}', '["1"]'])
+@pytest.mark.parametrize(
+    "content",
+    ["{}", '{"policy": []}', '{"policy": [true]}', "[", '{"policy": [-1]}', '["1"]', f'{{"policy": [{"9" * 400}]}}'],
+)
 def test_a_file_without_times_is_refused(tmp_path: Path, content: str) -> None:
-    """What is no list of possible times."""
+    """What is no list of possible times; the file is named."""
     (tmp_path / "bad.json").write_text(content)
-    with pytest.raises(UserError, match="--latency"):
+    with pytest.raises(UserError, match=r"--latency: .*bad\.json"):
         read_latencies(f"policy=@{tmp_path / 'bad.json'}")
 
 

@@ -85,6 +85,24 @@ def test_a_demonstration_comes_back_from_its_file(tmp_path: Path):
     assert all(np.array_equal(getattr(read, name), getattr(shown, name)) for name in (*sizes, "points", "look"))
 
 
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("arm", np.full((5, 7), np.nan)),
+        ("look", np.full(5, 2)),
+        ("points", np.ones((2, 16, 3))),
+        ("action", np.ones(5)),
+    ],
+)
+def test_a_demonstration_that_cannot_be_is_refused(tmp_path: Path, name: str, array: np.ndarray):
+    """Numbers that are none, samples that are not there, another shape: nothing is trained on them."""
+    sizes = {"base": (5, 3), "velocity": (5, 3), "torso": (5, 4), "arm": (5, 7), "width": (5,), "action": (5, 23)}
+    kept = {n: np.zeros(size) for n, size in sizes.items()} | {"points": np.ones((2, 128, 3)), "look": np.zeros(5)}
+    Demonstration(**{**kept, name: array}).save(tmp_path / "1.npz")
+    with pytest.raises(UserError, match=rf"1\.npz: {name} "):
+        Demonstration.load(tmp_path / "1.npz")
+
+
 def test_what_the_left_hand_demonstrates_is_kept_as_if_the_right_one_did_it():
     """Training reads the right hand's columns: there are the left one's commands and posture, mirrored."""
     rng = np.random.default_rng(0)
@@ -113,6 +131,16 @@ def test_weights_that_are_cut_off_are_refused_in_one_line(tmp_path: Path, share:
     (cut := tmp_path / "w.npz").write_bytes(data[: int(share * len(data))])
     with pytest.raises(UserError, match=r"w\.npz: no whole file of weights") as raised:
         policy(weights=cut)
+    assert "\n" not in str(raised.value)
+
+
+def test_weights_with_a_hole_are_refused_in_one_line(tmp_path: Path):
+    """Zeros within a compressed array, as a disk leaves that was not synced, are no end of the program."""
+    data = bytearray(WEIGHTS.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 4096] = bytes(4096)
+    (broken := tmp_path / "w.npz").write_bytes(data)
+    with pytest.raises(UserError, match=r"w\.npz: no whole file of weights") as raised:
+        Weights.load(broken)
     assert "\n" not in str(raised.value)
 
 

@@ -117,6 +117,17 @@ def test_what_is_wrong_with_methods_is_placed(tmp_path: Path, text: str, place: 
     assert words in str(caught.value)
 
 
+def test_a_name_that_stands_there_a_thousand_times_is_looked_up_no_thousand_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That it is repeated is told at once."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"tasks: [{', '.join(['picking_up_trash'] * 1000)}]\ninstances: [0]\n")
+    monkeypatch.setattr("mpvi_bt.suite.suites.load_task", lambda name: pytest.fail("looked up"))
+    with pytest.raises(FileProblems, match="'picking_up_trash' is in tasks twice"):
+        load_suite(str(path))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

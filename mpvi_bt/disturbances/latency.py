@@ -99,10 +99,11 @@ def _seconds(name: str, text: str) -> float:
     return _checked(name, seconds)
 
 
-def _checked(name: str, seconds: float) -> float:
+def _checked(name: str, seconds: float, file: str = "") -> float:
     if not 0.0 <= seconds <= LONGEST_S:
-        raise UserError(f"--latency: {name} takes 0 to {LONGEST_S:g} s, not {seconds:g}.")
-    return seconds
+        where = f"{file}: " if file else ""
+        raise UserError(f"--latency: {where}{name} takes 0 to {LONGEST_S:g} s, not {shown(seconds)}.")
+    return float(seconds)
 
 
 def _measured(name: str, file: str) -> Latency:
@@ -115,4 +116,4 @@ def _measured(name: str, file: str) -> Latency:
     times = data.get(name) if isinstance(data, Mapping) else data
     if not isinstance(times, list) or not times or any(type(time) not in (int, float) for time in times):
         raise UserError(f'--latency: {file} has no list of seconds for {name}, such as {{"{name}": [0.31, 0.29]}}.')
-    return Latency(measured_s=tuple(_checked(name, float(time)) for time in times))
+    return Latency(measured_s=tuple(_checked(name, time, file) for time in times))

@@ -101,7 +101,7 @@ class Budget:
                 raise ValueError
         except FileNotFoundError:
             return Spent()
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             raise ModelError(
                 "over_budget", f"{self._ledger}: cannot be read, so nothing more is spent; delete it to count anew."
             ) from None

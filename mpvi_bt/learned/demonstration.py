@@ -8,16 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
+from mpvi_bt.errors import UserError
 from mpvi_bt.learned import mirroring
 from mpvi_bt.learned.learned_motions import LearnedMotion
 from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.protocols import Policy
-from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Robot, Side
+from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Proprioception, Robot, Side
 from mpvi_bt.robot.solids import Array
 
 LOOK_STEPS = 10  # between looks: a chunk of the policy is about so long
 HEAD_TILTS_RAD = (0.85, 1.15, 0.2)  # tried one after the other where the target is not in view
 TILT_STEPS = 14  # that a tilt takes
+SAMPLE = 128  # points
+_SIZES: dict[str, tuple[int, ...]] = {
+    "base": (3,), "velocity": (3,), "torso": (4,), "arm": (7,), "width": (), "action": (ACTION_SIZE,), "look": (),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +64,25 @@ class Demonstration:
 
     @classmethod
     def load(cls, path: Path) -> Demonstration:
-        """Read one that `save` wrote."""
-        with np.load(path) as kept:
-            return cls(**{f.name: kept[f.name] for f in fields(cls)})
+        """Read one that `save` wrote.
+
+        Raises:
+            UserError: It is none, is not whole, or has numbers that are not finite.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as kept:
+                found = {f.name: np.asarray(kept[f.name]) for f in fields(cls)}
+        except Exception as error:  # whatever zipfile, zlib and numpy make of broken bytes
+            raise UserError(f"{path}: no whole demonstration ({' '.join(str(error).split())[:80]})") from None
+        n, m = (len(found[name]) if found[name].ndim else 0 for name in ("look", "points"))
+        for name, array in found.items():
+            shape = (m, SAMPLE, 3) if name == "points" else (n, *_SIZES[name])
+            kind = "iu" if name == "look" else "fiu"
+            if array.shape != shape or array.dtype.kind not in kind or not np.isfinite(array).all():
+                raise UserError(f"{path}: {name} is {array.dtype} {array.shape}, not {shape} finite numbers")
+        if n and not -1 <= found["look"].min() <= found["look"].max() < m:
+            raise UserError(f"{path}: look names samples that are not there; there are {m}")
+        return cls(**found)
 
 
 def record(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -169,7 +168,9 @@ class Weights:
                 return cls(str(head["robot"]), skills, dict(head["about"]))
         except FileNotFoundError:
             raise UserError(f"{path}: there is no such file of weights.") from None
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        except UserError:
+            raise
+        except Exception as error:  # whatever zipfile, zlib, numpy and JSON make of broken bytes
             raise UserError(f"{path}: no whole file of weights ({' '.join(str(error).split())[:120]}).") from error
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +65,8 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
     for path in sorted((folder / skill).glob("*.npz"), key=lambda p: (len(p.stem), p.stem)):
         try:
             shown = Demonstration.load(path)
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            tell(f"{path}: left out, as it is no whole demonstration ({' '.join(str(error).split())[:80]})")
+        except UserError as error:
+            tell(f"{path}: left out: {str(error).removeprefix(f'{path}: ')}")
             continue
         kept = _moving(shown)
         now, grip = _moments(shown, kept), shown.action[kept, ActionLayout.GRIPPER["right"]]

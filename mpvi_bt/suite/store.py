@@ -133,7 +133,7 @@ class Store:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
             return Fault(str(data["message"]), str(data["details"]), backend=str(data.get("backend", "")))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
 
     def write_fault(self, config: EpisodeConfig, fault: Fault) -> None:

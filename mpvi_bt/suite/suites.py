@@ -73,6 +73,8 @@ def check_suite(data: Any, marks: Marks) -> Suite:
         for i, value in enumerate(values):
             if value in values[:i]:
                 problems.append(marks.problem((key, i), "repeated", f"{value!r} is in {key} twice"))
+    if problems:  # a thousand times the same name is not looked up a thousand times
+        raise FileProblems(problems)
     for i, method in enumerate(suite.methods):
         try:
             load_method(method)
