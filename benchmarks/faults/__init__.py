@@ -1,0 +1,1 @@
+"""What happens when things break: kills, broken files, odd answers, failing servers, long runs."""
