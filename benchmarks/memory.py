@@ -1,23 +1,18 @@
-"""Whether memory stays: of `mpvi serve` over many clients, and of one process over many episodes.
+"""Whether the memory of `mpvi serve` stays over many clients; over episodes `python -m benchmarks.faults.soak` tells.
 
     python -m benchmarks.memory serve --clients 1000
-    python -m benchmarks.memory episodes --episodes 20
 
 Clients come eight at a time. Each says what its labels are called, asks the policy `reactive` three times, with the
-pictures that it wants, and goes. Episodes are the first ten seconds of a unit of the same policy. What is told is
-resident memory [MB] as it goes, and its slope over the second half.
+pictures that it wants, and goes. What is told is resident memory [MB] as it goes, and its slope over the second half.
 """
 
 from __future__ import annotations
 
 import argparse
-import gc
 import json
-import os
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,7 +20,6 @@ from pathlib import Path
 import numpy as np
 
 AT_ONCE = 8
-TREE = "tree: short\nroot:\n  timeout: 10\n  child: {manipulate: pick up a can of soda with the right hand}\n"
 
 
 def resident_mb(pid: int) -> float:
@@ -60,36 +54,19 @@ def served(clients: int) -> Iterator[float]:
         process.terminate()
 
 
-def played(episodes: int) -> Iterator[float]:
-    """Resident memory of this process [MB] after each episode."""
-    from mpvi_bt.choices.config import EpisodeConfig
-    from mpvi_bt.episode.episode import run
-
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "short.yaml"
-        tree.write_text(TREE)
-        for seed in range(episodes):
-            run(EpisodeConfig("picking_up_trash", seed=seed, policy="reactive", tree=str(tree)))
-            gc.collect()
-            yield resident_mb(os.getpid())
-
-
 def main() -> None:
     """Print resident memory as it goes, and its slope."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["serve", "episodes"])
+    parser.add_argument("what", choices=["serve"])
     parser.add_argument("--clients", type=int, default=1000)
-    parser.add_argument("--episodes", type=int, default=20)
-    given = parser.parse_args()
-    count = given.clients if given.what == "serve" else given.episodes
+    count = parser.parse_args().clients
     rows: list[float] = []
-    for mb in served(count) if given.what == "serve" else played(count):
+    for mb in served(count):
         rows.append(mb)
         print(f"{mb:.0f}", end=" ", flush=True)
     half = rows[len(rows) // 2 :]
     slope = np.polyfit(np.arange(len(half)), half, 1)[0] * len(rows) / count
-    each = "client" if given.what == "serve" else "episode"
-    print(f"\n{count} {each}s: {rows[0]:.0f} MB at first, {max(rows):.0f} MB at most, {slope:+.3f} MB a {each}")
+    print(f"\n{count} clients: {rows[0]:.0f} MB at first, {max(rows):.0f} MB at most, {slope:+.3f} MB a client")
 
 
 if __name__ == "__main__":

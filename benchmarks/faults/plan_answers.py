@@ -321,7 +321,8 @@ def changed(data: Any, draw: random.Random) -> Said:
 
 
 Maker = Callable[[Any, random.Random], Said]
+LARGE: list[Maker] = [many, most]  # take long to read, and are drawn less often
 KINDS: list[Maker] = [
     dressed, wrapped, two, thought, unknown_room, unknown_object, unknown_skill, unpicked, hands_full, wrong_hand,
-    action, empty, many, most, missing, odd_type, extra, cut, bad_json, prose, injected, changed, changed, changed,
-]  # fmt: skip
+    action, empty, missing, odd_type, extra, cut, bad_json, prose, injected, changed, changed, changed,
+] * 4 + LARGE  # fmt: skip

@@ -106,7 +106,7 @@ def drawn_verdict(draw: random.Random) -> tuple[str, str, Meaning]:
         data = draw.choice([{"answer": inner}, {"complete": inner}, [inner, inner], {"yes": inner, "no": inner}])
         return "data", draw.choice(["{}", "```json\n{}\n```", "{} yes"]).format(json.dumps(data)), "unclear"
     if kind == "long":
-        n = draw.choice([2000, 100_000, 3_000_000])
+        n = draw.choice([2000, 2000, 20_000, 20_000, 20_000, 200_000, 3_000_000])
         return "long", draw.choice(["yes ", "yes, it is. ", "y", "yes\n", "[", "<think>"]) * (n // 4), "unclear"
     if kind == "noise":
         return (

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 import yaml
+from click.testing import CliRunner
 
-from benchmarks.faults import plan_answers, server_faults, trials, verdict_answers
+from benchmarks.faults import plan_answers, server_faults, soak, trials, verdict_answers
 from benchmarks.faults.answers import trial, verdict_misread
 from benchmarks.faults.kills import Kills, results
 from benchmarks.faults.mutants import Mutants, due
@@ -226,3 +227,24 @@ def test_a_result_that_is_lost_or_another_is_found(tmp_path: Path) -> None:
     tried._kept.clear()
     store.write(config, fake_result(config, steps=901))
     assert (tried.look() or ("",))[0] == "misread"
+
+
+def test_a_soak_goes_on_draws_and_finds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row an episode, a drawing, growth told; one that breaks is found."""
+    ends: Any = iter(["went on", "went on", "went on", "crashed"])
+    monkeypatch.setattr(soak, "episode", lambda config, most_s: Outcome(config.task, next(ends), "x"))
+    out = tmp_path / "soak.jsonl"
+    for count, code in ((2, 0), (4, 1)):
+        done = CliRunner().invoke(soak.main, ["--out", str(out), "--count", str(count), "--method", "expert"])
+        assert done.exit_code == code, done.output
+    assert len(out.read_text().splitlines()) == 4
+    assert "1 crashed" in done.output
+    assert "MB an episode over the second half" in done.output
+    assert "<svg" in out.with_suffix(".svg").read_text()
+    assert soak.slope([{"rss_mb": 100.0 + 2 * k} for k in range(10)]) == pytest.approx(2.0)
+
+
+def test_an_episode_that_raises_is_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And one that its method cannot play, too."""
+    monkeypatch.setattr("mpvi_bt.episode.episode.run", lambda config, stop: 1 / 0)
+    assert soak.episode(EpisodeConfig("picking_up_trash"), 1.0).ended == "crashed"
