@@ -84,7 +84,8 @@ class SearchFrames:
             write(frame, line, (8, height - 6 - LINE_PX * k), INK)
         bottom = SIZE[1] - WRIST[1] * bool(caption.wrists)
         write_tree(frame, caption, _MAP[0] + 8, height, bottom)
-        write_answers(frame, caption.answers, 8, SIZE[1] - 8, _MAP[0] - 16)
+        room = SIZE[0] - WRIST[0] * len(caption.wrists) if caption.wrists else _MAP[0]
+        write_answers(frame, caption.answers, 8, SIZE[1] - 8, room - 16)
         show_wrists(frame, caption.wrists, SIZE[0], SIZE[1])
         return frame
 
@@ -144,6 +145,6 @@ class SearchFrames:
             write(part, word, (50, top + 12), INK)
             top += 19
         kinds = Counter(called(entry) for entry in found(self._view.entries))
-        text = ", ".join(f"{count} {name}" if count > 1 else name for name, count in kinds.items())
+        text = ", ".join(f"{name} x{count}" if count > 1 else name for name, count in kinds.items())
         write(part, f"found: {text or 'nothing yet'}"[:_LETTERS], (12, top + 16), INK)
         write_legend(part, 12, part.shape[0] - 6)
