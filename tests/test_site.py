@@ -41,6 +41,13 @@ def test_no_link_is_dead(page: Path) -> None:
             assert link["anchor"] in anchors(target), link[0]
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_what_a_page_plays_is_there(page: Path) -> None:
+    """Files that the HTML in a page names are where it says, in the repository as on the site."""
+    for file in re.findall(r"<[^>]*?\b(?:src|href|poster)=\"(?!https?:)([^\"#]+)\"", prose(page)):
+        assert (page.parent / file).exists(), file
+
+
 def test_every_page_is_in_the_index() -> None:
     """The index by reader lists each page once: it is the site's navigation."""
     listed = re.findall(r"^- \[[^]]+\]\(([^)]+)\)", (DOCS / "index.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
@@ -65,6 +72,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
+    assert (tmp_path / "_static" / "film.mp4").exists()
     for page in tmp_path.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert 'href="file:' not in text, page.name  # "file:line:col" in a docstring, taken for an address
