@@ -102,9 +102,10 @@ def test_offline_what_is_not_on_file_is_an_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", "null", '{"exchange": 1}', "half", "\x00" * 40, '{"exchange": 2, "model": "m"}', None],
-    ids=lambda text: str(text)[:20],
-)
+    ["", "{", "[]", "null", '{"exchange": 1}', "half", "\x00" * 40, '{"exchange": 2, "model": "m"}', None,
+     '{"exchange": 1, "model": "m", "messages": [], "schema": null}'],
+    ids=lambda text: str(text)[:40],
+)  # fmt: skip
 def test_a_broken_file_is_told_and_asked_anew(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, text: str | None
 ) -> None:

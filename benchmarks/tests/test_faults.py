@@ -20,7 +20,9 @@ from benchmarks.faults.mutations import TEXT, of_yaml
 from benchmarks.faults.samples import Kind, kinds
 from benchmarks.faults.server_faults import FAULTS, ServerFault
 from benchmarks.faults.servers import trial as served
+from benchmarks.faults.table import table
 from benchmarks.faults.trials import BAD, Outcome, play, summary
+from benchmarks.rows import append
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import UserError
 from mpvi_bt.protocols import Judgement
@@ -248,3 +250,22 @@ def test_an_episode_that_raises_is_a_crash(monkeypatch: pytest.MonkeyPatch) -> N
     """And one that its method cannot play, too."""
     monkeypatch.setattr("mpvi_bt.episode.episode.run", lambda config, stop: 1 / 0)
     assert soak.episode(EpisodeConfig("picking_up_trash"), 1.0).ended == "crashed"
+
+
+def test_the_table_has_a_row_for_what_was_tried_and_counts_every_end(tmp_path: Path) -> None:
+    """Answers to planner and checker are told apart; a file of something else, or of nothing, is refused."""
+    answers = tmp_path / "answers.jsonl"
+    for number, (of, ended) in enumerate(
+        [("planner: x", "refused"), ("planner: y", "lost"), ("checker: x", "went on")]
+    ):
+        append(answers, {"seed": 7, "number": number, "of": of, "ended": ended, "told": ""})
+    made = table([answers], "0123abc", "2026-11-26", "p")
+    assert made.rows == (
+        ("answers to a planner", 2, 1, 0, 1, 0, 0, 0),
+        ("answers to a checker", 1, 0, 1, 0, 0, 0, 0),
+    )
+    assert made.runs[0].command == "python -m benchmarks.faults.answers --seed 7 --count 3"
+    for name in ("hands.jsonl", "kills.jsonl"):
+        (tmp_path / name).touch()
+        with pytest.raises(UserError, match="no trials"):
+            table([tmp_path / name], "0123abc", "2026-11-26", "p")

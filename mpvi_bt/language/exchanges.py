@@ -17,7 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from mpvi_bt.errors import ModelError, UserError, shown
 from mpvi_bt.language.chat import Answer, ChatModel, Message, Schema
@@ -63,6 +63,12 @@ class _Exchange(Record):
     schema_: dict[str, Any] | None = Field(alias="schema")
     answer: _Answered | None = None
     failure: _Failed | None = None
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> _Exchange:
+        if self.answer is None and self.failure is None:
+            raise ValueError("neither an answer nor a failure")
+        return self
 
 
 class KeptModel:
@@ -145,9 +151,8 @@ class KeptModel:
             return None
         if data.answer is not None:
             return Answer(**data.answer.model_dump(), kept=True)
-        if data.failure is None:
-            return None
         failed = data.failure
+        assert failed is not None
         return ModelError(failed.reason, failed.message, failed.latency_s)
 
     @contextlib.contextmanager

@@ -1,0 +1,95 @@
+"""`python -m benchmarks.faults.table FILES`: rows of trials as `benchmarks/results/faults.json`, for `make results`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from benchmarks.collecting import commit, processor
+from benchmarks.faults.trials import BAD
+from benchmarks.origin import Run
+from benchmarks.rows import lines_of
+from benchmarks.tables import RESULTS, Table
+from mpvi_bt.errors import UserError
+from mpvi_bt.writing import write_whole
+
+HEADS = ("what", "trials", "refused with a reason", "went on", *BAD)
+WHAT = {  # by file and, where several are told apart, by what comes before the colon
+    "mutants": "broken files, of {kinds} kinds",
+    "answers planner": "answers to a planner",
+    "answers checker": "answers to a checker",
+    "answers server": "bodies of a model's server",
+    "servers openpi": "failing policy servers, openpi's wire",
+    "servers vla_eval": "failing policy servers, vla_eval's wire",
+    "kills": "kills of a suite",
+    "soak": "episodes in one process, {minutes:.0f} min",
+}
+
+
+def rows_of(stem: str, rows: Sequence[Mapping[str, Any]]) -> list[list[str | int]]:
+    """The table's rows of one file of trials."""
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        part = row["of"].partition(":")[0]
+        groups.setdefault(f"{stem} {part}" if f"{stem} {part}" in WHAT else stem, []).append(row)
+    made: list[list[str | int]] = []
+    for name in (name for name in WHAT if name in groups):
+        group = groups[name]
+        ends = Counter(row["ended"] for row in group)
+        kinds = len({row["of"].partition(":")[0] for row in group})
+        told = WHAT[name].format(kinds=kinds, minutes=group[-1].get("minutes", 0.0))
+        made.append([told, len(group), *(ends[end] for end in ("refused", "went on", *BAD))])
+    return made
+
+
+def table(files: Sequence[Path], made_at: str, date: str, where: str) -> Table:
+    """The data file of the rows in some files.
+
+    Raises:
+        UserError: A file is none of trials, or has none.
+    """
+    runs, rows = [], []
+    for file in files:
+        stem = file.stem
+        if not any(name.split()[0] == stem for name in WHAT):
+            raise UserError(f"{file}: no trials; they are {', '.join(sorted({name.split()[0] for name in WHAT}))}")
+        trials = [row for _, row in lines_of(file)]
+        if not trials:
+            raise UserError(f"{file}: there are no trials in it yet")
+        seeds = sorted({row["seed"] for row in trials})
+        command = f"python -m benchmarks.faults.{stem} --seed {' and '.join(map(str, seeds))}"
+        command += f" --minutes {trials[-1]['minutes']:.0f}" if stem == "soak" else f" --count {len(trials)}"
+        runs.append(Run(command=command, commit=made_at, date=date, processor=where))
+        rows += rows_of(stem, trials)
+    columns = [{"head": head, "format": "" if head == "what" else ",d"} for head in HEADS]
+    return Table.model_validate({"kind": "table", "runs": runs, "columns": columns, "rows": rows})
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.option("--commit", "given", help="That they were made at; the working tree's if left out.")
+@click.option("--date", required=True, help="That they were made on, YYYY-MM-DD.")
+@click.option("--processor", "where", help="That they were made on; this machine's if left out.")
+def main(files: tuple[Path, ...], given: str | None, date: str, where: str | None) -> None:
+    """Keep the trials in FILES, such as runs/faults/mutants.jsonl, as a table."""
+    try:
+        made = table(files, given or commit(), date, where or processor())
+        data = made.model_dump(mode="json", exclude_defaults=True)
+        columns, rows = data.pop("columns"), data.pop("rows")
+        lines = [",\n".join(f"    {json.dumps(one)}" for one in part) for part in (columns, rows)]
+        text = json.dumps({"kind": "table", **data}, indent=2)[:-2]
+        text += f',\n  "columns": [\n{lines[0]}\n  ],\n  "rows": [\n{lines[1]}\n  ]\n}}\n'
+        write_whole(RESULTS / "faults.json", text)
+    except UserError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main()
