@@ -200,9 +200,12 @@ def test_the_manifest_gives_the_episodes_as_they_were_run(tmp_path: Path, mpvi: 
         assert "No such option '--checker'" in done.stderr
 
 
-def test_a_broken_manifest_is_told(tmp_path: Path) -> None:
-    """It says which results stand beside it, so that it is not just written anew."""
-    (tmp_path / "manifest.json").write_text('{"manifest": 2')
+@pytest.mark.parametrize("change", [None, {"speed": 1}, {"arguments": [1]}, {"task": "x"}])
+def test_a_broken_manifest_is_told(tmp_path: Path, change: dict[str, Any] | None) -> None:
+    """It says which results stand beside it, so that it is not just written anew; settings that there are not, too."""
+    whole = make_manifest("trash10", EPISODES).model_dump()
+    whole["methods"][""].update(change or {})
+    (tmp_path / "manifest.json").write_text('{"manifest": 2' if change is None else json.dumps(whole))
     with pytest.raises(UserError, match=r"manifest\.json: is not what a suite of this version wrote"):
         make_manifest("trash10", EPISODES).claim(tmp_path)
 

@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, JsonValue, ValidationError
+from pydantic import Field, JsonValue, ValidationError, model_validator
 
 from mpvi_bt import __version__, paths
 from mpvi_bt.choices.config import EpisodeConfig
@@ -49,6 +49,16 @@ class Manifest(Record):
     seeds: list[int]
     methods: dict[Annotated[str, Field(pattern=r"^([^./\x00][^/\x00]*)?$")], dict[str, JsonValue]]
     files: dict[str, str]
+
+    @model_validator(mode="after")
+    def _names_settings(self) -> Manifest:
+        """Raises ValueError if its methods have settings that no episode has."""
+        try:
+            for settings in self.methods.values():
+                EpisodeConfig("", **_fields(settings))
+        except (TypeError, AttributeError) as error:
+            raise ValueError(str(error)) from None
+        return self
 
     def episodes(self) -> list[EpisodeConfig]:
         """Every episode, instances running fastest."""
