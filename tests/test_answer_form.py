@@ -118,6 +118,7 @@ def test_a_plan_is_read_as_it_is_told() -> None:
         ("lift the box", "both hands", "lift the box"),
         ("lift the box", "", "lift the box"),
         ("pick up the cup", "third", "pick up the cup with the third hand"),
+        (" ", "left", " "),
     ],
 )  # fmt: skip
 def test_the_hand_is_part_of_what_is_done(deed: str, hand: str, read: str) -> None:

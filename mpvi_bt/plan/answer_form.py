@@ -71,7 +71,11 @@ def read_segment(segment: Any) -> Any:
 def _by(deed: str, hand: str) -> str:
     """What is done, said with the hand that does it."""
     hand = _HAND.sub("", hand.strip())
-    if hand.lower() in _ANY or re.search(rf"\b{re.escape(hand)} (?:hand|gripper|arm)\b", deed, re.IGNORECASE):
+    if (
+        not deed.strip()
+        or hand.lower() in _ANY
+        or re.search(rf"\b{re.escape(hand)} (?:hand|gripper|arm)\b", deed, re.IGNORECASE)
+    ):
         return deed
     return f"{deed.rstrip(' .')} with the {hand} hand"
 
