@@ -30,7 +30,7 @@ SUITE = """\
 about: Short episodes of two methods.
 methods: [expert, mpvi]
 tasks: [picking_up_trash, tidying_bedroom, bringing_water]
-instances: [0, 1, 2, 3]
+instances: [0, 1]
 """
 TREE = "tree: short\nroot:\n  timeout: 2\n  child: {manipulate: pick up a can of soda with the right hand}\n"
 WAYS = {  # and how often of twenty
