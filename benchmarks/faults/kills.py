@@ -234,6 +234,7 @@ def workers(pid: int) -> list[int]:
 @click.option("--workers", "-j", "count_workers", type=click.IntRange(1, 16), default=1, show_default=True)
 def main(seed: int, count: int, out: Path, only: int | None, count_workers: int) -> None:
     """Kill a suite again and again, and say what came of it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell has its background jobs ignore it, and theirs
     kills = Kills(seed, out.with_suffix(f".{seed}").resolve(), count, count_workers)
     play(kills, seed, count, out, only, "kills")
 

@@ -104,7 +104,11 @@ def meant(data: Any) -> list[dict[str, Any]]:
     for segment in data["segments"]:
         plain = {k: v.strip() if isinstance(v, str) else v for k, v in segment.items() if v is not None}
         hand = plain.pop("hand", None) if plain.get("type") == "manipulation" else None
-        if hand and f"{hand} hand" not in plain["description"]:
+        if (
+            hand
+            and hand not in ("any", "both", "either", "none", "null")
+            and f"{hand} hand" not in plain["description"]
+        ):
             plain["description"] = f"{plain['description'].rstrip(' .')} with the {hand} hand"
         found.append(plain)
     return found

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from pydantic import ValidationError
 
 from benchmarks.collecting import commit, processor
 from benchmarks.faults.trials import BAD
@@ -48,14 +49,19 @@ def rows_of(stem: str, rows: Sequence[Mapping[str, Any]]) -> list[list[str | int
     return made
 
 
-def table(files: Sequence[Path], made_at: str, date: str, where: str) -> Table:
+def table(files: Mapping[Path, str], date: str, where: str, mixed: str = "") -> Table:
     """The data file of the rows in some files.
 
+    Args:
+        files: File to the commit that its trials were made at.
+        date, where: That they were made on: day and processor.
+        mixed: Why trials of several commits are in one table.
+
     Raises:
-        UserError: A file is none of trials, or has none.
+        UserError: A file is none of trials, or has none; or they are of several commits, and nobody says why.
     """
     runs, rows = [], []
-    for file in files:
+    for file, made_at in files.items():
         stem = file.stem
         if not any(name.split()[0] == stem for name in WHAT):
             raise UserError(f"{file}: no trials; they are {', '.join(sorted({name.split()[0] for name in WHAT}))}")
@@ -68,18 +74,22 @@ def table(files: Sequence[Path], made_at: str, date: str, where: str) -> Table:
         runs.append(Run(command=command, commit=made_at, date=date, processor=where))
         rows += rows_of(stem, trials)
     columns = [{"head": head, "format": "" if head == "what" else ",d"} for head in HEADS]
-    return Table.model_validate({"kind": "table", "runs": runs, "columns": columns, "rows": rows})
+    try:
+        return Table.model_validate({"kind": "table", "runs": runs, "mixed": mixed, "columns": columns, "rows": rows})
+    except ValidationError as error:
+        raise UserError(error.errors()[0]["msg"]) from None
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True, dir_okay=False))
-@click.option("--commit", "given", help="That they were made at; the working tree's if left out.")
+@click.argument("files", nargs=-1, required=True, metavar="FILE[@COMMIT]...")
 @click.option("--date", required=True, help="That they were made on, YYYY-MM-DD.")
 @click.option("--processor", "where", help="That they were made on; this machine's if left out.")
-def main(files: tuple[Path, ...], given: str | None, date: str, where: str | None) -> None:
-    """Keep the trials in FILES, such as runs/faults/mutants.jsonl, as a table."""
+@click.option("--mixed", default="", help="Why trials of several commits stand together.")
+def main(files: tuple[str, ...], date: str, where: str | None, mixed: str) -> None:
+    """Keep the trials in files such as runs/faults/kills.jsonl as a table; COMMIT: by default the working tree's."""
     try:
-        made = table(files, given or commit(), date, where or processor())
+        given = {Path(file): made_at or commit() for file, _, made_at in (one.partition("@") for one in files)}
+        made = table(given, date, where or processor(), mixed)
         data = made.model_dump(mode="json", exclude_defaults=True)
         columns, rows = data.pop("columns"), data.pop("rows")
         lines = [",\n".join(f"    {json.dumps(one)}" for one in part) for part in (columns, rows)]

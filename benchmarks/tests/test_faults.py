@@ -259,7 +259,7 @@ def test_the_table_has_a_row_for_what_was_tried_and_counts_every_end(tmp_path: P
         [("planner: x", "refused"), ("planner: y", "lost"), ("checker: x", "went on")]
     ):
         append(answers, {"seed": 7, "number": number, "of": of, "ended": ended, "told": ""})
-    made = table([answers], "0123abc", "2026-11-26", "p")
+    made = table({answers: "0123abc"}, "2026-11-26", "p")
     assert made.rows == (
         ("answers to a planner", 2, 1, 0, 1, 0, 0, 0),
         ("answers to a checker", 1, 0, 1, 0, 0, 0, 0),
@@ -268,4 +268,9 @@ def test_the_table_has_a_row_for_what_was_tried_and_counts_every_end(tmp_path: P
     for name in ("hands.jsonl", "kills.jsonl"):
         (tmp_path / name).touch()
         with pytest.raises(UserError, match="no trials"):
-            table([tmp_path / name], "0123abc", "2026-11-26", "p")
+            table({tmp_path / name: "0123abc"}, "2026-11-26", "p")
+    kills_ = tmp_path / "kills.jsonl"
+    append(kills_, {"seed": 7, "number": 0, "of": "SIGINT", "ended": "went on", "told": ""})
+    with pytest.raises(UserError, match="say why"):
+        table({answers: "0123abc", kills_: "fedcba9"}, "2026-11-26", "p")
+    assert len(table({answers: "0123abc", kills_: "fedcba9"}, "2026-11-26", "p", "mended between").runs) == 2
