@@ -9,11 +9,13 @@ from dataclasses import dataclass
 
 from mpvi_bt.episode.result import FailureRecord, Result
 
-# What a policy gave up of stands in the evidence: "pick: no_grasp", with what its candidates died of in brackets, and
-# behind a semicolon what the checker said no to; of a timeout, "manipulate (pick: no_grasp)".
+# What a policy gave up of stands in the evidence: "pick: no_grasp", with what its candidates died of in brackets or
+# words behind a colon, and behind a semicolon what the checker said no to; of two policies, behind the name of one
+# ("learned: missed"); of a whole instruction, behind the clause ("3 of 7, open the fridge: open: no_door"); of a
+# timeout, "manipulate (pick: no_grasp)".
 _GAVE_UP = {
-    "gave_up": re.compile(r"^([a-z_]+: [a-z_]+|done)(?: \(|;|$)"),
-    "timeout": re.compile(r"\bmanipulate(?:#\d+)? \(([a-z_]+: [a-z_]+)(?: \(|\))"),
+    "gave_up": re.compile(r"^(?:\d+ of \d+, [^:]*: )?((?:[a-z_]+: )*[a-z_]+)(?=: | \(|;|$)"),
+    "timeout": re.compile(r"\bmanipulate(?:#\d+)? \(((?:[a-z_]+: )+[a-z_]+)(?=: | \(|\))"),
 }
 # As the goal's conditions are printed: a predicate stands before its arguments, "inside(a, b)", or, where a condition
 # is kept in BDDL's own words, behind a bracket: "(inside a b)".
