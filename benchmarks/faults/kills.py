@@ -112,6 +112,13 @@ class Kills:
             wrong, told = self._to_the_end(), "and went on to its end"
         return Outcome(way, *wrong) if wrong else Outcome(way, "went on", told)
 
+    def stop(self) -> None:
+        """Kill the suite that is at work, if there is one."""
+        if self._run is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._run.pid, signal.SIGKILL)
+            self._run = None
+
     def look(self) -> tuple[Any, str] | None:
         """What is wrong with the results that are there."""
         for path, stamp in self._kept.items():
@@ -236,7 +243,10 @@ def main(seed: int, count: int, out: Path, only: int | None, count_workers: int)
     """Kill a suite again and again, and say what came of it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell has its background jobs ignore it, and theirs
     kills = Kills(seed, out.with_suffix(f".{seed}").resolve(), count, count_workers)
-    play(kills, seed, count, out, only, "kills")
+    try:
+        play(kills, seed, count, out, only, "kills")
+    finally:
+        kills.stop()
 
 
 if __name__ == "__main__":
