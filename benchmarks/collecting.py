@@ -24,14 +24,13 @@ from mpvi_bt.suite.manifest import Manifest, read_manifest
 from mpvi_bt.suite.suites import load_suite
 
 
-def episodes_of(folder: Path, manifest: Manifest, run: int, beside: str = "") -> Iterator[Episode]:
+def episodes_of(folder: Path, manifest: Manifest, run: int) -> Iterator[Episode]:
     """The episodes in the folder of a suite.
 
     Args:
         folder: Of the suite, or of one method of it.
         manifest: What they are of.
         run: Which run of the data file they are of.
-        beside: What stands behind the names of their methods.
 
     Raises:
         UserError: There are none, or a file is no result.
@@ -44,7 +43,7 @@ def episodes_of(folder: Path, manifest: Manifest, run: int, beside: str = "") ->
         if result is None:
             raise UserError(f"{file}: no result")
         yield Episode(
-            method=(result.config["method"] or manifest.suite) + beside,
+            method=result.config["method"] or manifest.suite,
             task=result.task,
             instance=result.instance_id,
             seed=result.rollout_id,
@@ -89,8 +88,7 @@ def dump(results: Played) -> str:
 
 
 def collected(
-    folders: Sequence[Path], run: Run, kept: Played | None, methods: Sequence[str], tasks: Sequence[str], mixed: str,
-    beside: str,
+    folders: Sequence[Path], run: Run, kept: Played | None, methods: Sequence[str], tasks: Sequence[str], mixed: str
 ) -> Played:  # fmt: skip
     """The data file of the episodes in some folders, or of these and of what another run has brought already.
 
@@ -101,7 +99,6 @@ def collected(
         methods: Only these, if any are given.
         tasks: Only these, if any are given, in this order.
         mixed: Why episodes of several runs are in one file.
-        beside: What stands behind the names of their methods, such as ", learned".
 
     Raises:
         UserError: A folder has no manifest or no results; or there is nothing new.
@@ -116,12 +113,12 @@ def collected(
             raise UserError(f"{folder}: is no folder of a suite's results; there is no manifest.json")
         for method, own in manifest.methods.items():
             if not methods or method in methods:
-                settings.setdefault((method or manifest.suite) + beside, own)
+                settings.setdefault(method or manifest.suite, own)
         if not tasks:
             order += [task for task in manifest.tasks if task not in order]
         episodes += [
             one
-            for one in episodes_of(folder, manifest, place, beside)
+            for one in episodes_of(folder, manifest, place)
             if one.method in settings and one.task in order and one.key not in there
         ]
     if len(episodes) == len(there):
@@ -143,13 +140,12 @@ def collected(
 @click.option("--of", default="", help="Which of the episodes, where there are several runs.")
 @click.option("--settings", default="", help="What else has a bearing on the figures.")
 @click.option("--method", "methods", multiple=True, help="Only this one of the folder's methods; may be repeated.")
-@click.option("--beside", default="", help="What is to stand behind the methods' names, such as ', learned'.")
 @click.option("--suite", help="Only the tasks of this suite.")
 @click.option("--add", is_flag=True, help="Add to the episodes that the file has, as a further run.")
 @click.option("--mixed", default="", help="Why episodes of several commits or processors stand together.")
 def main(
     name: str, folders: tuple[Path, ...], command: str, given: str | None, date: str, where: str | None, of: str,
-    settings: str, methods: tuple[str, ...], beside: str, suite: str | None, add: bool, mixed: str,
+    settings: str, methods: tuple[str, ...], suite: str | None, add: bool, mixed: str,
 ) -> None:  # fmt: skip
     """Keep every episode in FOLDERS, the results of suites, as benchmarks/results/NAME.json for `make results`."""
     try:
@@ -161,7 +157,7 @@ def main(
         if kept is not None and not isinstance(kept, Played):
             raise UserError(f"benchmarks/results/{name}.json has no episodes to add to")
         tasks = load_suite(suite).tasks if suite else []
-        played = collected(folders, run, kept, methods, tasks, mixed, beside)
+        played = collected(folders, run, kept, methods, tasks, mixed)
     except (UserError, ValidationError) as error:
         click.echo(f"collecting: {error}", err=True)
         sys.exit(2)

@@ -151,7 +151,7 @@ class Played(Results):
                 rows.append(["95 % interval", *(f"{e.low:.2f} to {e.high:.2f}" for e in means if e)])
             whole = [sum(one.q == 1.0 for found in of.values() for one in found) for of in shared]
             rows.append([f"q = 1, of {len(common)}", *map(str, whole)])
-            theirs = [paper_mean(method.split(",")[0], tasks) for method in self.methods]
+            theirs = [paper_mean(method, tasks) for method in self.methods]
             if any(mean is not None for mean in theirs):
                 cells = ["" if mean is None else f"*{mean:.2f}*" for mean in theirs]
                 rows.append([f"*the paper's mean of these {len(tasks)}*", *cells])

@@ -31,7 +31,7 @@ from mpvi_bt.report.statistics import estimate
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
 BLOCK = re.compile(
-    r"(?P<head><!-- results: (?P<name>\w+)(?: (?P<view>[\w ,+]+))? -->\n).*?(?P<end><!-- end of results -->)", re.DOTALL
+    r"(?P<head><!-- results: (?P<name>\w+)(?: (?P<view>[\w ]+))? -->\n).*?(?P<end><!-- end of results -->)", re.DOTALL
 )
 EVERY = "every_run"  # in the place of a name: what made each data file
 
