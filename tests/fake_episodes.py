@@ -31,6 +31,7 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
     """An episode whose odd instances fail.
 
     FAKE_LOG: Folder in which every start and every end is noted. FAKE_SLEEP: seconds that an episode takes.
+    FAKE_UNTIL: file before which none ends.
     FAKE_DIE, FAKE_HANG, FAKE_RAISE: an instance whose first attempt dies, hangs or raises; with FAKE_ALWAYS every one.
     FAKE_USER_ERROR: an instance that raises a user error. FAKE_BACKEND: one whose policy's server fails.
     """
@@ -43,6 +44,8 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
         if os.environ.get(name) == str(config.instance) and (first or "FAKE_ALWAYS" in os.environ):
             act()
     time.sleep(float(os.environ.get("FAKE_SLEEP", "0")))
+    while (until := os.environ.get("FAKE_UNTIL")) and not Path(until).exists():
+        time.sleep(0.05)
     backend = os.environ.get("FAKE_BACKEND") == str(config.instance) and (first or "FAKE_ALWAYS" in os.environ)
     data = fake_result(config, backend=backend)
     if config.trace is not None:

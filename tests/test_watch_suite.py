@@ -32,15 +32,17 @@ def test_a_suite_is_watched_to_its_end(tmp_path: Path, log: Path) -> None:
         pytest.skip("needs Chromium")
     (tmp_path / "twelve.yaml").write_text(SUITE, encoding="utf-8")
     words = ["suite", "run", "twelve.yaml", "--episode", FAKE, "--workers", "2", "--serve=0"]
+    seen = tmp_path / "seen"  # no episode ends before it is there, however slow the first page may be
     process = subprocess.Popen(
-        [*MPVI, *words], cwd=tmp_path, env=environment(log, 1.0), text=True,
+        [*MPVI, *words], cwd=tmp_path, env=environment(log, 1.0) | {"FAKE_UNTIL": str(seen)}, text=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
     )  # fmt: skip
     assert process.stderr is not None
     with browser(tmp_path) as chromium:
         url = next(filter(None, (re.search(r"http://\S+", line) for line in process.stderr)))[0]
         tab = chromium.tab(url)
-        tab.until("document.querySelectorAll('#at-work td').length > 0")
+        tab.until("document.querySelectorAll('#at-work td').length > 0", 120)
+        seen.touch()
         tab.until("document.querySelector('#standing')?.textContent.startsWith('12 of 12')", 120)
         tab.until("document.querySelector('#connection').textContent.includes('server is gone')")
         process.wait(30)

@@ -19,7 +19,7 @@ DEBUGGING = ("line", "pause", "break")
 WORDS = (*DEBUGGING, "reload")  # what a page can say to its run
 
 _ROOM_BYTES = 1 << 21  # so much fits between the two before a write has to wait: more than is ever under way
-_END_S = 3.0  # within which visitors are told the end
+_END_S = 10.0  # within which visitors are told the end, on a busy machine, too
 
 
 class Page:
