@@ -18,9 +18,10 @@ from pydantic import Field, JsonValue, model_validator
 
 from benchmarks.origin import Data, Results, grid
 from mpvi_bt.errors import UserError
+from mpvi_bt.report.compare import SAME_Q
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.plot_svg import Drawing
-from mpvi_bt.report.statistics import Estimate, estimate
+from mpvi_bt.report.statistics import Estimate, estimate, permutation_test
 
 NAMED = 6  # reasons that a table names for each task
 _ROW, _LABEL, _RIGHT, _WIDE = 18.0, 300.0, 16.0, 832
@@ -151,6 +152,7 @@ class Played(Results):
                 rows.append(["95 % interval", *(f"{e.low:.2f} to {e.high:.2f}" for e in means if e)])
             whole = [sum(one.q == 1.0 for found in of.values() for one in found) for of in shared]
             rows.append([f"q = 1, of {len(common)}", *map(str, whole)])
+            rows += _compared(next(iter(self.methods)), shared)
             theirs = [paper_mean(method, tasks) for method in self.methods]
             if any(mean is not None for mean in theirs):
                 cells = ["" if mean is None else f"*{mean:.2f}*" for mean in theirs]
@@ -218,6 +220,18 @@ def _cell(episodes: Sequence[Episode]) -> str:
     if not episodes:
         return ""
     return f"{np.mean(_by_instance(episodes)):.2f} ({sum(one.q == 1.0 for one in episodes)}/{len(episodes)})"
+
+
+def _compared(first: str, shared: Sequence[Mapping[str, Sequence[Episode]]]) -> list[list[str]]:
+    """Rows that compare every method with the first, over start states that all of them played."""
+    counts, chances = [""], [""]
+    for other in shared[1:]:
+        gaps = [_by_instance(other[task]) - _by_instance(found) for task, found in shared[0].items()]
+        every = np.concatenate(gaps)
+        counts.append(f"{(every > SAME_Q).sum()}, {(every < -SAME_Q).sum()}")
+        chances.append(f"{permutation_test(gaps).p:.2g}")
+    rows = [[f"higher, lower than `{first}`", *counts], ["chance of so great a difference", *chances]]
+    return rows if shared[1:] else []
 
 
 def _told(found: Estimate | None) -> str:

@@ -185,6 +185,8 @@ def test_methods_are_compared_where_all_have_played(clone: Path) -> None:
     text = (clone / "docs" / "page.md").read_text()
     assert "| picking_up_trash | 0.50 (1/2) | 0.50 (0/1) |" in text
     assert "| **mean q** | **1.00** | **0.50** |" in text
+    assert "| higher, lower than `mpvi` | | 0, 1 |" in text
+    assert "| chance of so great a difference | | 1 |" in text  # one pair tells nothing
     for bad, words in [
         ([*episodes, episodes[0]], "is there 2 times"),
         ([{**episodes[0], "run": 1}], "episodes[0] is of a run"),
