@@ -224,14 +224,15 @@ def _cell(episodes: Sequence[Episode]) -> str:
 
 def _compared(first: str, shared: Sequence[Mapping[str, Sequence[Episode]]]) -> list[list[str]]:
     """Rows that compare every method with the first, over start states that all of them played."""
+    if len(shared) < 2:
+        return []
     counts, chances = [""], [""]
     for other in shared[1:]:
         gaps = [_by_instance(other[task]) - _by_instance(found) for task, found in shared[0].items()]
         every = np.concatenate(gaps)
         counts.append(f"{(every > SAME_Q).sum()}, {(every < -SAME_Q).sum()}")
         chances.append(f"{permutation_test(gaps).p:.2g}")
-    rows = [[f"higher, lower than `{first}`", *counts], ["chance of so great a difference", *chances]]
-    return rows if shared[1:] else []
+    return [[f"higher, lower than `{first}`", *counts], ["chance of so great a difference", *chances]]
 
 
 def _told(found: Estimate | None) -> str:
