@@ -11,10 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.cli.suite import suite
 from mpvi_bt.episode.result import read_result
 from mpvi_bt.errors import UserError
+from mpvi_bt.instances.human import human_stats
 from mpvi_bt.suite.at_work import FILE as AT_WORK
-from mpvi_bt.suite.processes import ProcessEngine
+from mpvi_bt.suite.processes import WALL_LIMIT_S, ProcessEngine
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.store import Store
 from tests.suite_runs import EPISODES, Heard, launch, processes, started, wait_until, workers_gone
@@ -210,3 +212,10 @@ def test_a_resumed_run_keeps_the_order_of_the_whole(tmp_path: Path, log: Path) -
         ("picking_up_trash", 1),
         ("turning_on_radio", 1),
     ]
+
+
+def test_no_task_played_at_the_pace_of_life_counts_as_hung() -> None:
+    """Planning takes time, too: twice the time of the longest task is the least."""
+    assert WALL_LIMIT_S > 2 * max(human.time_budget_s for human in human_stats().values())
+    asked = {parameter.name: parameter.default for parameter in suite.commands["run"].params}
+    assert asked["wall_limit"] == WALL_LIMIT_S

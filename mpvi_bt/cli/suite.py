@@ -75,7 +75,7 @@ def _shared(command: Any) -> Any:
 @click.option(
     "--wall-limit",
     type=click.FloatRange(min=1),
-    default=1800.0,
+    default=7200.0,
     show_default=True,
     metavar="SECONDS",
     help="Wall time after which an episode counts as hung.",

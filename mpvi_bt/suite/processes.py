@@ -18,7 +18,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.store import Fault
 from mpvi_bt.suite.worker import EPISODES_A_PROCESS, THREAD_LIMITS, Played, play, prepare
 
-WALL_LIMIT_S = 1800.0  # Our choice: only a hung episode takes that long
+WALL_LIMIT_S = 7200.0  # Our choice: four times the longest time of a task, 1737 s, at the pace of life
 _MOST_BROKEN = 8  # pools in a row that end before they begin an episode
 _JOIN_S = 10.0
 
