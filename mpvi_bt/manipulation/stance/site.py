@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -327,6 +327,16 @@ class Site:
 
     def drivable(self, start: Array, goal: Array) -> bool:
         """Straight from start to goal: nothing in the way of the base, of a knee before it, or of what it carries."""
+        key = start.tobytes(), goal.tobytes()
+        if key not in self._legs:
+            self._legs[key] = self._leg_free(start, goal)
+        return self._legs[key]
+
+    @cached_property
+    def _legs(self) -> dict[tuple[bytes, bytes], bool]:
+        return {}  # by both ends: ways to all base poses begin with the same few legs
+
+    def _leg_free(self, start: Array, goal: Array) -> bool:
         robot = self.motion.robot
         ends = [start, *legs(robot, start, goal)]
         poses = np.concatenate([_on_leg(a, b, leaving=k == 0) for k, (a, b) in enumerate(pairwise(ends))])
@@ -344,11 +354,7 @@ class Site:
             ]
             if not all(self._passes(*each, start) for each in kept):
                 return False
-        for base in poses if carrying else ():
-            around = self.around(base, touched=True)
-            if not all(((around.distance(p) - radii) > 0).all() for p, radii in carrying):
-                return False
-        return True
+        return all((self.everything.distance(_placed(p, poses)) > radii).all() for p, radii in carrying)
 
     @staticmethod
     def _passes(around: Obstacles, centers: Array, radii: Array, bases: Array, start: Array) -> bool:
@@ -454,8 +460,8 @@ def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:
     """(n, 3) base poses on a straight leg that are worth a look; `leaving`: the first third is where it stands."""
     turn = kin.wrap(goal[2] - start[2])
     n = max(2, int(np.ceil(max(float(norm(goal[:2] - start[:2])) / _WAYS.step_m, abs(float(turn)) / _WAYS.step_rad))))
-    shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > _WAYS.leaving or n == 2 or not leaving]
-    return _along(start, goal, shares)
+    shares = np.linspace(0, 1, n + 1)[1:]
+    return _along(start, goal, shares[shares > _WAYS.leaving] if leaving and n > 2 else shares)
 
 
 def _leaving(start: Array, goal: Array) -> Array:
@@ -463,9 +469,9 @@ def _leaving(start: Array, goal: Array) -> Array:
     return _along(start, goal, np.linspace(0, _WAYS.turning, _WAYS.turning_samples + 1)[1:])
 
 
-def _along(start: Array, goal: Array, shares: Iterable[float]) -> Array:
-    turn = kin.wrap(goal[2] - start[2])
-    return np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
+def _along(start: Array, goal: Array, shares: Array) -> Array:
+    way = np.append(goal[:2] - start[:2], kin.wrap(goal[2] - start[2]))
+    return np.asarray(start + way * shares[:, None])
 
 
 def base_clear(robot: RobotModel, around: Obstacles) -> bool:
