@@ -4,7 +4,8 @@
 
     <!-- results: behavior50 tasks expert -->      q of each instance, and why units were given up
     <!-- results: behavior50 methods -->           mean q of each task and method, and the paper's
-    <!-- results: behavior50 plot -->              the same as a picture, docs/behavior50.svg
+    <!-- results: behavior50 reasons -->           why units were given up where a goal was missed, of each method
+    <!-- results: behavior50 plot -->              the same as `methods` as a picture, docs/behavior50.svg
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.plot_svg import Drawing
 from mpvi_bt.report.statistics import Estimate, estimate, permutation_test
 
-NAMED = 6  # reasons that a table names for each task
+NAMED = 6  # reasons that a table names for each task,
+FREQUENT = 12  # and for each method, at the most
 _ROW, _LABEL, _RIGHT, _WIDE = 18.0, 300.0, 16.0, 832
 
 
@@ -97,7 +99,7 @@ class Played(Results):
         """As Markdown.
 
         Args:
-            view: "methods", or "tasks METHOD".
+            view: "methods", "reasons" or "tasks METHOD".
 
         Raises:
             UserError: There is no such view, or no such method.
@@ -107,7 +109,11 @@ class Played(Results):
             return f"{self._tasks(method)}\n\n*{self.source()}*"
         if view == "methods":
             return f"{self._methods()}\n\n*{self.source()}*"
-        raise UserError(f"there is no view {view!r} of a suite; there are 'methods', 'tasks METHOD' and 'plot'")
+        if view == "reasons":
+            return f"{self._reasons()}\n\n*{self.source()}*"
+        raise UserError(
+            f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'tasks METHOD' and 'plot'"
+        )
 
     def _tasks(self, method: str) -> str:
         """Headline and table of one method."""
@@ -161,6 +167,21 @@ class Played(Results):
             f"The rows below the tasks are over the {len(common)} start states of {len(tasks)} tasks that all played."
         )
         return f"{grid(['task', *(f'`{method}`' for method in self.methods)], rows)}\n\n{note}"
+
+    def _reasons(self) -> str:
+        """Reasons in rows, methods in columns: of how many episodes that missed something they are told."""
+        missed = [[one for one in self.episodes if one.method == method and one.q < 1.0] for method in self.methods]
+        counts = [Counter(code for one in found for code in {*one.reasons}) for found in missed]
+        common = sorted(sum(counts, Counter()).items(), key=lambda pair: (-pair[1], pair[0]))
+        late = [sum(one.ended == "time_limit" for one in found) for found in missed]
+        silent = [sum(not one.reasons and one.ended != "time_limit" for one in found) for found in missed]
+        rows = [["out of time", *map(str, late)]]
+        rows += [[f"`{code}`", *(str(count[code]) for count in counts)] for code, _ in common[:FREQUENT]]
+        rows += [["nothing given up", *map(str, silent)]]
+        heads = [f"`{method}`, {len(found)} below q 1" for method, found in zip(self.methods, missed, strict=True)]
+        rest = len(common) - FREQUENT
+        note = f"\n\n{rest} rarer reasons are left out; an episode may have several." if rest > 0 else ""
+        return grid(["given up because of", *heads], rows) + note
 
     def plot(self) -> str:
         """An SVG file: the mean q of each task as a bar for every method that has it, and the paper's as a diamond."""

@@ -197,6 +197,26 @@ def test_methods_are_compared_where_all_have_played(clone: Path) -> None:
         assert (done.returncode, words in done.stderr) == (2, True), done.stderr
 
 
+def test_reasons_are_counted_once_an_episode_that_missed_something(clone: Path) -> None:
+    """Not of episodes that met the goal in spite of them; who ran out of time or gave nothing up is counted apart."""
+    episode = {"task": "picking_up_trash", "ended": "success", "time_s": 1.0, "q": 0.5, "method": "mpvi"}
+    episodes = [
+        {**episode, "instance": 0, "reasons": ["pick: no_grasp", "pick: no_grasp", "timeout"]},
+        {**episode, "instance": 1, "reasons": ["pick: no_grasp"], "ended": "time_limit"},
+        {**episode, "instance": 2, "reasons": ["timeout"], "q": 1.0},
+        {**episode, "instance": 3},
+    ]
+    put(clone, {"kind": "suite", "runs": [RUN], "methods": {"mpvi": {}}, "tasks": ["picking_up_trash"],
+                "episodes": episodes})  # fmt: skip
+    (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one reasons -->"))
+    assert command(clone, "benchmarks.tables").returncode == 0
+    rows = [line for line in (clone / "docs" / "page.md").read_text().splitlines() if line.startswith("|")]
+    assert rows[0] == "| given up because of | `mpvi`, 3 below q 1 |"
+    assert rows[2:] == [
+        "| out of time | 1 |", "| `pick: no_grasp` | 2 |", "| `timeout` | 1 |", "| nothing given up | 1 |",
+    ]  # fmt: skip
+
+
 def test_a_view_that_there_is_not_is_told(clone: Path) -> None:
     """So is a folder without a suite's results."""
     put(clone, TABLE)
