@@ -6,14 +6,22 @@ import json
 import os
 import re
 import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
+from mpvi_bt.suite.manifest import make_manifest
+from mpvi_bt.suite.standing import under_way
+from mpvi_bt.suite.store import Store
+from mpvi_bt.watch import watched_suite
 from mpvi_bt.watch.watched_suite import WatchedSuite, suite_page
 from tests.browser import BROWSER, browser
-from tests.suite_runs import FAKE, ROOT
+from tests.fake_episodes import fake_result
+from tests.suite_runs import EPISODES, FAKE, ROOT
 from tests.test_html import EVIL, Tags
 from tests.test_watch import MPVI
 
@@ -79,6 +87,36 @@ def test_one_episode_is_drawn_without_an_interval(tmp_path: Path) -> None:
         tab.until("document.readyState === 'complete'")
         rows = [line.split("\t") for line in tab.text("#scores").splitlines() if "\t" in line]
     assert rows[1:] == [["begun", "0.500 1/2"], ["waiting", "\N{EN DASH} 0/2"], ["all", "0.500 1/4"]]
+
+
+def test_the_last_result_is_shown_though_it_came_while_the_folder_was_read(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reading that began before the run was over never takes the place of the one that the end of the run made."""
+    store = Store(tmp_path)
+    make_manifest("trash10", EPISODES).claim(tmp_path)
+    for config in EPISODES[:-1]:
+        store.write(config, fake_result(config))
+    suite, reading, over = WatchedSuite(tmp_path), threading.Event(), threading.Event()
+
+    def slow(*which: Any) -> tuple[list[dict[str, Any]], float]:
+        told = under_way(*which)
+        reading.set()
+        over.wait(1)  # longer than the end of the run takes, if it does not wait
+        return told
+
+    monkeypatch.setattr(watched_suite, "under_way", slow)
+    client = TestClient(suite.app)
+    with store.locked(), ThreadPoolExecutor() as pool:
+        page = pool.submit(client.get, "/")
+        assert reading.wait(60)
+        store.write(EPISODES[-1], fake_result(EPISODES[-1]))
+        suite.close()
+        over.set()
+        assert page.result(60).status_code == 200
+    first = next(line for line in client.get("/events?since=").text.splitlines() if line.startswith("data: "))
+    told = json.loads(first.removeprefix("data: "))
+    assert (told["done"], len(told["failures"]), told["running"]) == (10, 5, False)
 
 
 def test_only_episodes_of_the_suite_are_shown(tmp_path: Path) -> None:

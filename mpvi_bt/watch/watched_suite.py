@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,7 @@ class WatchedSuite:
         self._data: dict[str, Any] = {}
         self._seen: tuple[list[tuple[str, int]], bool] | None = None
         self._version, self._over = 0, False
+        self._one = threading.Lock()  # who reads: the page, the feed and the end of the run ask for it side by side
         self._reading: asyncio.Task[None] | None = None
         self.app: ASGIApp = Starlette(
             routes=[
@@ -109,24 +111,25 @@ class WatchedSuite:
 
     def _read(self) -> bool:
         """Read the folder, if it has changed; whether it has."""
-        running = self._store.running() and not self._over
-        files = sorted(self._folder.glob("**/json/*.json")) + sorted(self._folder.glob("**/faults/*.json"))
-        seen = [(str(path), path.stat().st_mtime_ns) for path in [*files, self._folder / FILE] if path.exists()]
-        if (seen, running) == self._seen and not running:
-            return False
-        try:
-            manifest = read_manifest(self._folder)
-            if manifest is None:
+        with self._one:
+            running = self._store.running() and not self._over
+            files = sorted(self._folder.glob("**/json/*.json")) + sorted(self._folder.glob("**/faults/*.json"))
+            seen = [(str(path), path.stat().st_mtime_ns) for path in [*files, self._folder / FILE] if path.exists()]
+            if (seen, running) == self._seen and not running:
                 return False
-            if self._seen is None or seen != self._seen[0]:
-                part = SuiteFolder.read(manifest.suite, self._store, manifest.episodes())
-                self._part, self._figures = part, _figures(part)
-            self._data = _stand(self._part, running) | self._figures
-        except MpviError as error:
-            self._data = {**self._data, "problem": str(error)} if self._data else {}
-        self._seen = (seen, running)
-        self._version += 1
-        return True
+            try:
+                manifest = read_manifest(self._folder)
+                if manifest is None:
+                    return False
+                if self._seen is None or seen != self._seen[0]:
+                    part = SuiteFolder.read(manifest.suite, self._store, manifest.episodes())
+                    self._part, self._figures = part, _figures(part)
+                self._data = _stand(self._part, running) | self._figures
+            except MpviError as error:
+                self._data = {**self._data, "problem": str(error)} if self._data else {}
+            self._seen = (seen, running)
+            self._version += 1
+            return True
 
 
 def _figures(part: SuiteFolder) -> dict[str, Any]:
