@@ -52,6 +52,7 @@ def episodes_of(folder: Path, manifest: Manifest, run: int) -> Iterator[Episode]
             time_s=round(result.time.simulator_time, 1),
             reasons=tuple(re.sub(r"^.*\((.+)\)$", r"\1", reason(failure)) for failure in result.failures),
             steps={name: policy.steps for name, policy in (result.policies or {}).items()},
+            answers=result.queries.model_dump(include={"asked", "yes", "false_yes", "false_no"}),
             run=run,
         )
 

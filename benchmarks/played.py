@@ -5,6 +5,7 @@
     <!-- results: behavior50 tasks expert -->      q of each instance, and why units were given up
     <!-- results: behavior50 methods -->           mean q of each task and method, and the paper's
     <!-- results: behavior50 reasons -->           why units were given up where a goal was missed, of each method
+    <!-- results: behavior50 answers -->           what the completion checker answered, and how often that was false
     <!-- results: behavior50 plot -->              the same as `methods` as a picture, docs/behavior50.svg
 """
 
@@ -26,6 +27,7 @@ from mpvi_bt.report.statistics import Estimate, estimate, permutation_test
 
 NAMED = 6  # reasons that a table names for each task,
 FREQUENT = 12  # and for each method, at the most
+DONE = "done"  # the reason of a unit that the policy took for done and the checker did not
 _ROW, _LABEL, _RIGHT, _WIDE = 18.0, 300.0, 16.0, 832
 
 
@@ -39,6 +41,7 @@ class Episode(Data):
         time_s: Simulated.
         reasons: Why units were given up, in their order, such as "pick: no_grasp".
         steps: Of control that each of several policies had.
+        answers: Of the completion checker, counted as `mpvi_bt.episode.queries.Queries` names them; {}: not kept.
         run: Place of the run that played it in the file's runs.
     """
 
@@ -51,6 +54,7 @@ class Episode(Data):
     time_s: Annotated[float, Field(ge=0)]
     reasons: tuple[str, ...] = ()
     steps: dict[str, int] = {}
+    answers: dict[Literal["asked", "yes", "false_yes", "false_no"], Annotated[int, Field(ge=0)]] = {}
     run: Annotated[int, Field(ge=0)] = 0
 
     @property
@@ -99,7 +103,7 @@ class Played(Results):
         """As Markdown.
 
         Args:
-            view: "methods", "reasons" or "tasks METHOD".
+            view: "methods", "reasons", "answers" or "tasks METHOD".
 
         Raises:
             UserError: There is no such view, or no such method.
@@ -111,8 +115,11 @@ class Played(Results):
             return f"{self._methods()}\n\n*{self.source()}*"
         if view == "reasons":
             return f"{self._reasons()}\n\n*{self.source()}*"
+        if view == "answers":
+            return f"{self._answers()}\n\n*{self.source()}*"
         raise UserError(
-            f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'tasks METHOD' and 'plot'"
+            f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'answers', 'tasks METHOD' and "
+            "'plot'"
         )
 
     def _tasks(self, method: str) -> str:
@@ -182,6 +189,32 @@ class Played(Results):
         rest = len(common) - FREQUENT
         note = f"\n\n{rest} rarer reasons are left out; an episode may have several." if rest > 0 else ""
         return grid(["given up because of", *heads], rows) + note
+
+    def _answers(self) -> str:
+        """A row for each method whose episodes keep what its checker answered.
+
+        Raises:
+            UserError: None does.
+        """
+        rows = []
+        for method in self.methods:
+            kept = [one for one in self.episodes if one.method == method and one.answers]
+            if not kept:
+                continue
+            total = sum((Counter(one.answers) for one in kept), Counter[str]())
+            taken = [
+                one for one in kept if one.q < 1.0 and any(code.rpartition(": ")[2] == DONE for code in one.reasons)
+            ]
+            right = sum(not one.answers["false_no"] for one in taken)
+            rows.append([
+                f"`{method}`", f"{len(kept)}", f"{total['yes']}", f"{total['false_yes']}",
+                f"{total['asked'] - total['yes']}", f"{total['false_no']}", f"{right} of {len(taken)}",
+            ])  # fmt: skip
+        if not rows:
+            raise UserError("no episode of the file keeps what its checker answered")
+        heads = ["method", "episodes", "yes", "of these false", "no", "of these false",
+                 "below q 1, given up as `done`, without a false no"]  # fmt: skip
+        return grid(heads, rows)
 
     def plot(self) -> str:
         """An SVG file: the mean q of each task as a bar for every method that has it, and the paper's as a diamond."""

@@ -217,6 +217,28 @@ def test_reasons_are_counted_once_an_episode_that_missed_something(clone: Path) 
     ]  # fmt: skip
 
 
+def test_answers_of_the_checker_are_counted_where_they_were_kept(clone: Path) -> None:
+    """Yeses and noes apart, each with how many were false; and in how many episodes the policy alone was wrong."""
+    episode = {"task": "picking_up_trash", "ended": "failure", "time_s": 1.0, "q": 0.5, "method": "mpvi"}
+    right = {"asked": 5, "yes": 2, "false_yes": 1, "false_no": 0}
+    wrong = {"asked": 4, "yes": 1, "false_yes": 0, "false_no": 2}
+    episodes = [
+        {**episode, "instance": 0, "answers": right, "reasons": ["done"]},
+        {**episode, "instance": 1, "answers": wrong, "reasons": ["pick: no_grasp", "reactive: done"]},
+        {**episode, "instance": 2, "answers": right, "reasons": ["timeout"]},
+        {**episode, "instance": 3, "reasons": ["done"]},
+    ]
+    data = {"kind": "suite", "runs": [RUN], "methods": {"mpvi": {}}, "tasks": ["picking_up_trash"]}
+    put(clone, {**data, "episodes": episodes})
+    (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one answers -->"))
+    assert command(clone, "benchmarks.tables").returncode == 0
+    (row,) = [line for line in (clone / "docs" / "page.md").read_text().splitlines() if line.startswith("| `mpvi`")]
+    assert row == "| `mpvi` | 3 | 5 | 2 | 9 | 2 | 1 of 2 |"
+    put(clone, {**data, "episodes": episodes[3:]})
+    done = command(clone, "benchmarks.tables")
+    assert (done.returncode, "keeps what its checker answered" in done.stderr) == (2, True)
+
+
 def test_a_view_that_there_is_not_is_told(clone: Path) -> None:
     """So is a folder without a suite's results."""
     put(clone, TABLE)
