@@ -44,6 +44,7 @@ def play(world: World, prompt: str, until: str | None = "done", limit_s: float =
         if expert.note == until:
             break
     played.note = expert.note
+    expert.close()
     world.refresh()
     return played
 
@@ -59,7 +60,9 @@ def test_it_keeps_the_policys_contract() -> None:
     felt = world.robot.proprioception()
     for prompt in ("pick up the can of soda", "pick up the cup", "sing a song", ""):
         observation: dict[str, object] = {"prompt": prompt, "proprioception": felt, "images": {}}
-        check_policy(ExpertPolicy(world, SKILLS), observation)
+        expert = ExpertPolicy(world, SKILLS)
+        check_policy(expert, observation)
+        expert.close()
 
 
 @pytest.mark.parametrize("prompt", ["dance", "pick up the elephant", "put the elephant in the trash can"])
@@ -84,6 +87,7 @@ def test_a_new_prompt_begins_anew() -> None:
         for s in SIDES:
             assert np.abs(action[ActionLayout.ARM[s]] - felt.arm[s]).max() < 0.2
         world.step(action)
+    expert.close()
 
 
 def test_the_same_seed_does_the_same() -> None:
