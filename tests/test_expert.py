@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import inside, nextto, ontop, under
+from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
+from mpvi_bt.manipulation.policies.scripted_policy import Performance
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
@@ -88,6 +90,25 @@ def test_a_new_prompt_begins_anew() -> None:
             assert np.abs(action[ActionLayout.ARM[s]] - felt.arm[s]).max() < 0.2
         world.step(action)
     expert.close()
+
+
+def test_a_note_is_of_the_prompt_that_it_was_given() -> None:
+    """Who fails at one prompt after the other says each time why, not all that went wrong before."""
+
+    class Blind(ExpertPolicy):
+        """Loses sight of everything before it begins with anything."""
+
+        def perform(self, work: Work, prompt: str) -> Performance:
+            yield from work.motion.wait(1 / CONTROL_HZ)
+            raise MotionFailure("lost_sight")
+
+    world = small_world()
+    policy = Blind(world, SKILLS)
+    for _ in range(3):
+        policy.reset()
+        for _ in range(3):
+            policy.infer({"prompt": "pick up the cup", "proprioception": world.robot.proprioception(), "images": {}})
+        assert policy.note == "lost_sight"
 
 
 def test_the_same_seed_does_the_same() -> None:

@@ -123,6 +123,7 @@ class ScriptedPolicy:
         if observation["prompt"] != self._prompt or self._work is None:
             self._prompt = str(observation["prompt"])
             self._calls += 1
+            self.note = ""
             self.ended = self.gave_up = False
             rng = np.random.default_rng([self._seed, self._calls])
             meant = self._meant if self._scene.exact else {}  # what is only seen is numbered anew for each prompt
