@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -54,15 +54,25 @@ class Results(Data):
     @model_validator(mode="after")
     def _of_one_kind(self) -> Self:
         """Raises ValueError for figures of several commits or processors without a word."""
-        kinds = {(run.commit, run.processor) for run in self.runs}
-        if len(kinds) > 1 and not self.mixed:
-            raise ValueError(f"runs of {len(kinds)} commits or processors in one table; say why in 'mixed'")
+        kinds = _kinds(self.runs)
+        if kinds > 1 and not self.mixed:
+            raise ValueError(f"runs of {kinds} commits or processors in one table; say why in 'mixed'")
         return self
 
-    def source(self) -> str:
-        """What made the figures, as the line below a table."""
-        mixed = [f"**Of several runs: {self.mixed}.**"] if self.mixed else []
-        return " ".join([*mixed, *(f"{run}." for run in self.runs)])
+    def source(self, of: Collection[int] | None = None) -> str:
+        """What made the figures, as the line below a table.
+
+        Args:
+            of: Places of the runs that the table is of; None: of all.
+        """
+        runs = [run for i, run in enumerate(self.runs) if of is None or i in of]
+        mixed = [f"**Of several runs: {self.mixed}.**"] if self.mixed and _kinds(runs) > 1 else []
+        return " ".join([*mixed, *(f"{run}." for run in runs)])
+
+
+def _kinds(runs: Iterable[Run]) -> int:
+    """Of how many commits and processors they are."""
+    return len({(run.commit, run.processor) for run in runs})
 
 
 def grid(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

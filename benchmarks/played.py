@@ -116,7 +116,8 @@ class Played(Results):
         if view == "reasons":
             return f"{self._reasons()}\n\n*{self.source()}*"
         if view == "answers":
-            return f"{self._answers()}\n\n*{self.source()}*"
+            runs = {one.run for one in self.episodes if one.answers}
+            return f"{self._answers()}\n\n*{self.source(runs)}*"
         raise UserError(
             f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'answers', 'tasks METHOD' and "
             "'plot'"
