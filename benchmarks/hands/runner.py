@@ -62,6 +62,7 @@ def run_job(job: Job, show: Path | None = None, video: bool = False, signals: bo
     felt = Felt(world.robot) if signals else None
     watching = [of.step for of in (film, felt) if of is not None]
     played = play(trial, world, policy, robot, watching)
+    getattr(alone, "close", lambda: None)()  # what it breaks off now still finds its world
     if film is not None:
         film.end()
     attempts = getattr(alone, "attempts", None)
