@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -91,8 +92,9 @@ def test_the_drawing_is_a_dry_run(tmp_path: Path) -> None:
     edited.close()
 
 
-def test_an_outdated_drawing_is_given_up(tmp_path: Path) -> None:
-    """It ends at once, without a page; the next text is drawn."""
+def test_an_outdated_drawing_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ends at once, without a page; the next text is drawn; no file is left."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     drawer = Drawer(tmp_path / "tree.yaml")
     assert drawer.draw(TREE)
     with ThreadPoolExecutor(1) as pool:
@@ -102,6 +104,7 @@ def test_an_outdated_drawing_is_given_up(tmp_path: Path) -> None:
         assert outdated.result(timeout=1.0) is None
     assert Tags(drawer.draw(TREE) or "").data["end"]["is"] == "failure"
     drawer.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

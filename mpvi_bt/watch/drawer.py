@@ -6,6 +6,7 @@ import contextlib
 import json
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from mpvi_bt.trace.html import asset, digest
@@ -19,6 +20,7 @@ class Drawer:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._process: subprocess.Popen[str] | None = None
         self._busy = False
 
@@ -42,18 +44,23 @@ class Drawer:
     def stop(self) -> None:
         """Give up what is being drawn; another process is made ready for what comes next."""
         if self._busy and self._process is not None:
-            self._process.terminate()
+            self._process.kill()  # an end of its own would take seconds where the cores are busy
             self._started()
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, and remove its files."""
         if self._process is not None:
-            self._process.terminate()
+            self._process.kill()
             self._end(self._process)
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
 
     def _started(self) -> subprocess.Popen[str]:
+        if self._folder is None:  # made and removed here: a process that is killed cannot remove its files
+            self._folder = tempfile.TemporaryDirectory(prefix="mpvi-dry-")
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "mpvi_bt.watch.dry_page", str(self._path)],
+            [sys.executable, "-m", "mpvi_bt.watch.dry_page", str(self._path), self._folder.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",

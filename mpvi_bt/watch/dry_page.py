@@ -1,15 +1,14 @@
-"""The process that draws a tree that is edited: `python -m mpvi_bt.watch.dry_page FILE`.
+"""The process that draws a tree that is edited: `python -m mpvi_bt.watch.dry_page FILE FOLDER`.
 
-It reads texts of the file and writes pages, both as JSON, a line each, until its input ends.
+It reads texts of the file and writes pages, both as JSON, a line each, until its input ends. It keeps its files in the
+folder, which is its starter's to remove, and may be killed at any time.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -27,35 +26,32 @@ from mpvi_bt.watch.process import NICE
 _DRY_S, _DRY_WALL_S = 600.0, 3.0  # simulated and wall time that a dry run may take. Our choice
 
 
-def drawn(text: str, file: str) -> str:
+def drawn(text: str, file: str, folder: str) -> str:
     """A dry run as a page; the tree where it has parameters without a value; a sentence where it is none."""
     try:
         spec = parse_tree(text, file, load_skills())
     except MpviError:
         return sentence("There is no drawing while the tree has errors.")
     try:
-        return _dry(spec)
+        return _dry(spec, Path(folder, "dry.trace.jsonl"))
     except MpviError:
         return tree_page(spec)
 
 
-def _dry(spec: TreeSpec) -> str:
+def _dry(spec: TreeSpec, trace: Path) -> str:
     end = time.monotonic() + _DRY_WALL_S
-    with tempfile.TemporaryDirectory() as folder:
-        trace = Path(folder, "dry.trace.jsonl")
-        run_dry(dry_tree(spec), load_skills(), [Recorder(trace)], _DRY_S, stop=lambda: time.monotonic() > end)
-        return trace_page(read_trace(trace))
+    run_dry(dry_tree(spec), load_skills(), [Recorder(trace)], _DRY_S, stop=lambda: time.monotonic() > end)
+    return trace_page(read_trace(trace))
 
 
-def main(file: str) -> None:
+def main(file: str, folder: str) -> None:
     """Draw what comes in."""
     pages, sys.stdout = sys.stdout, sys.stderr  # what a behavior prints is no page
     for line in sys.stdin:
-        pages.write(json.dumps(drawn(json.loads(line), file)) + "\n")
+        pages.write(json.dumps(drawn(json.loads(line), file, folder)) + "\n")
         pages.flush()
 
 
 if __name__ == "__main__":
     os.nice(NICE)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that no file of a dry run is left
-    main(sys.argv[1])
+    main(sys.argv[1], sys.argv[2])
