@@ -33,16 +33,17 @@ class Run(Data):
     of: str = ""
     settings: str = ""
 
-    def __str__(self) -> str:
-        """One line for a person."""
+    @property
+    def typed(self) -> str:
+        """The command, and what it made."""
+        return f"{self.of}: " * bool(self.of) + f"`{self.command}`"
+
+    @property
+    def where(self) -> str:
+        """All but the command, as words: commit, date, processor, settings."""
         commit = f"commit {self.commit}" if self.commit else "commit not recorded"
-        words = [
-            f"`{self.command}`",
-            f"{commit}, {self.date}",
-            self.processor or "processor not recorded",
-            self.settings,
-        ]
-        return f"{self.of}: " * bool(self.of) + "; ".join(filter(None, words))
+        words = [f"{commit}, {self.date}", self.processor or "processor not recorded", self.settings]
+        return "; ".join(filter(None, words))
 
 
 class Results(Data):
@@ -60,14 +61,17 @@ class Results(Data):
         return self
 
     def source(self, of: Collection[int] | None = None) -> str:
-        """What made the figures, as the line below a table.
+        """What made the figures, as the line below a table; commands that differ in nothing else share their origin.
 
         Args:
             of: Places of the runs that the table is of; None: of all.
         """
         runs = [run for i, run in enumerate(self.runs) if of is None or i in of]
         mixed = [f"**Of several runs: {self.mixed}.**"] if self.mixed and _kinds(runs) > 1 else []
-        return " ".join([*mixed, *(f"{run}." for run in runs)])
+        typed: dict[str, list[str]] = {}
+        for run in runs:
+            typed.setdefault(run.where, []).append(run.typed)
+        return " ".join([*mixed, *(f"{'; '.join(commands)}; {where}." for where, commands in typed.items())])
 
 
 def _kinds(runs: Iterable[Run]) -> int:

@@ -4,6 +4,7 @@
 
     <!-- results: behavior50 tasks expert -->      q of each instance, and why units were given up
     <!-- results: behavior50 methods -->           mean q of each task and method, and the paper's
+    <!-- results: behavior50 parts behavior30 -->  how far each method came in that suite's tasks, and in the others
     <!-- results: behavior50 reasons -->           why units were given up where a goal was missed, of each method
     <!-- results: behavior50 answers -->           what the completion checker answered, and how often that was false
     <!-- results: behavior50 plot -->              the same as `methods` as a picture, docs/behavior50.svg
@@ -24,9 +25,11 @@ from mpvi_bt.report.compare import SAME_Q
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.plot_svg import Drawing
 from mpvi_bt.report.statistics import Estimate, estimate, permutation_test
+from mpvi_bt.suite.suites import load_suite
 
 NAMED = 6  # reasons that a table names for each task,
 FREQUENT = 12  # and for each method, at the most
+HALF = 0.5  # q of an episode that came far, or did not
 DONE = "done"  # the reason of a unit that the policy took for done and the checker did not
 _ROW, _LABEL, _RIGHT, _WIDE = 18.0, 300.0, 16.0, 832
 
@@ -103,14 +106,16 @@ class Played(Results):
         """As Markdown.
 
         Args:
-            view: "methods", "reasons", "answers" or "tasks METHOD".
+            view: "methods", "reasons", "answers", "tasks METHOD" or "parts SUITE".
 
         Raises:
-            UserError: There is no such view, or no such method.
+            UserError: There is no such view, method or suite.
         """
-        what, _, method = view.partition(" ")
-        if what == "tasks" and method:
-            return f"{self._tasks(method)}\n\n*{self.source()}*"
+        what, _, name = view.partition(" ")
+        if what == "tasks" and name:
+            return f"{self._tasks(name)}\n\n*{self.source()}*"
+        if what == "parts" and name:
+            return f"{self._parts(name)}\n\n*{self.source()}*"
         if view == "methods":
             return f"{self._methods()}\n\n*{self.source()}*"
         if view == "reasons":
@@ -119,8 +124,8 @@ class Played(Results):
             runs = {one.run for one in self.episodes if one.answers}
             return f"{self._answers()}\n\n*{self.source(runs)}*"
         raise UserError(
-            f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'answers', 'tasks METHOD' and "
-            "'plot'"
+            f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'answers', 'tasks METHOD', "
+            "'parts SUITE' and 'plot'"
         )
 
     def _tasks(self, method: str) -> str:
@@ -175,6 +180,25 @@ class Played(Results):
             f"The rows below the tasks are over the {len(common)} start states of {len(tasks)} tasks that all played."
         )
         return f"{grid(['task', *(f'`{method}`' for method in self.methods)], rows)}\n\n{note}"
+
+    def _parts(self, suite: str) -> str:
+        """Two rows a method: of the tasks that are in a suite, and of the others."""
+        inside, rows = {*load_suite(suite).tasks}, []
+        for method in self.methods:
+            for name, part in ((f"`{suite}`", inside), ("the others", {*self.tasks} - inside)):
+                found = {task: episodes for task, episodes in self.of(method).items() if task in part}
+                if not found:
+                    continue
+                every = [one for episodes in found.values() for one in episodes]
+                low = [one for one in every if one.q < HALF]
+                mean = _told(estimate([_by_instance(episodes) for episodes in found.values()]))
+                rows.append([
+                    f"`{method}`", f"{name}: {len(found)}", mean,
+                    f"{sum(one.q == 1.0 for one in every)} of {len(every)}", f"{len(low)}",
+                    f"{sum(one.ended == 'time_limit' for one in low)}",
+                ])  # fmt: skip
+        heads = ["method", "tasks", "mean q", "q = 1", f"q below {HALF:g}", "of these out of time"]
+        return grid(heads, rows)
 
     def _reasons(self) -> str:
         """Reasons in rows, methods in columns: of how many episodes that missed something they are told."""

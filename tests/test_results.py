@@ -197,6 +197,30 @@ def test_methods_are_compared_where_all_have_played(clone: Path) -> None:
         assert (done.returncode, words in done.stderr) == (2, True), done.stderr
 
 
+def test_the_tasks_of_a_suite_are_told_apart_from_the_others(clone: Path) -> None:
+    """In the docs' own suites; a suite that there is not is told."""
+    episode = {"ended": "time_limit", "time_s": 1.0, "method": "mpvi", "instance": 0}
+    episodes = [
+        {**episode, "task": "picking_up_trash", "q": 1.0, "ended": "success"},
+        {**episode, "task": "can_meat", "q": 0.25},
+        {**episode, "task": "can_meat", "q": 0.5, "instance": 1},
+        {**episode, "task": "make_pizza", "q": 0.0, "ended": "failure"},
+    ]
+    tasks = ["picking_up_trash", "can_meat", "make_pizza"]
+    data = {"kind": "suite", "runs": [RUN], "methods": {"mpvi": {}}, "tasks": tasks}
+    put(clone, {**data, "episodes": episodes})
+    (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one parts behavior30 -->"))
+    done = command(clone, "benchmarks.tables")
+    assert done.returncode == 0, done.stderr
+    rows = [line for line in (clone / "docs" / "page.md").read_text().splitlines() if line.startswith("| `mpvi`")]
+    assert [row.split(" | ")[1] for row in rows] == ["`behavior30`: 2", "the others: 1"]
+    assert [row.split(" | ")[2][:4] for row in rows] == ["0.69", "0.00"]
+    assert [row.split(" | ", 3)[3] for row in rows] == ["1 of 3 | 1 | 1 |", "0 of 1 | 1 | 0 |"]
+    (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one parts behavior31 -->"))
+    done = command(clone, "benchmarks.tables")
+    assert (done.returncode, "behavior30" in done.stderr) == (2, True)
+
+
 def test_reasons_are_counted_once_an_episode_that_missed_something(clone: Path) -> None:
     """Not of episodes that met the goal in spite of them; who ran out of time or gave nothing up is counted apart."""
     episode = {"task": "picking_up_trash", "ended": "success", "time_s": 1.0, "q": 0.5, "method": "mpvi"}
