@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -197,7 +198,8 @@ def test_the_times_add_up() -> None:
     assert sum(v for k, v in wall.items() if k != "total") <= wall["total"]
 
 
-def test_ticking_is_cheap() -> None:
-    """The tree's own part of a step stays below a twentieth of a 4 ms control step, with room for a busy machine."""
+def test_ticking_is_cheap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tree's own part of a step takes the processor for less than a twentieth of a 4 ms control step."""
+    monkeypatch.setattr(time, "perf_counter", time.thread_time)  # what else the machine does takes no part
     best = min((o.wall_s["ticking"] / o.ticks for o in (run_episode(*scene()) for _ in range(3))), default=1.0)
     assert best < 0.2e-3

@@ -22,10 +22,15 @@ from tests.suite_runs import EPISODES, FAKE, Heard, launch, processes, started, 
 needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
 
 
+def go(log: Path) -> Path:
+    """The file for which the episodes on `cluster` wait."""
+    return log.parent / "go"
+
+
 @pytest.fixture
 def cluster(log: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A cluster whose head has one core and whose second node has two; an episode takes 3 s."""
-    monkeypatch.setenv("FAKE_SLEEP", "3")
+    """A cluster whose head has one core and whose second node has two; no episode ends before there is `go(log)`."""
+    monkeypatch.setenv("FAKE_UNTIL", str(go(log)))
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
@@ -63,6 +68,7 @@ def test_a_node_that_is_lost_costs_no_episode(tmp_path: Path, log: Path, cluster
     wait_until(lambda: started(log).total() - started(log, "end").total() == 3, seconds=120)  # two of them there
     (node,) = (node for node in cluster.list_all_nodes() if node is not cluster.head_node)
     cluster.remove_node(node, allow_graceful=False)
+    go(log).touch()
     text, said = run.communicate(timeout=120)
     assert run.returncode == 0, said
     assert "trash10: 10/10 episodes" in text
