@@ -210,7 +210,8 @@ class Played(Results):
         rows = [["out of time", *map(str, late)]]
         rows += [[f"`{code}`", *(str(count[code]) for count in counts)] for code, _ in common[:FREQUENT]]
         rows += [["nothing given up", *map(str, silent)]]
-        heads = [f"`{method}`, {len(found)} below q 1" for method, found in zip(self.methods, missed, strict=True)]
+        total = Counter(one.method for one in self.episodes)
+        heads = [f"`{m}`, {len(found)} of {total[m]} below q 1" for m, found in zip(self.methods, missed, strict=True)]
         rest = len(common) - FREQUENT
         note = f"\n\n{rest} rarer reasons are left out; an episode may have several." if rest > 0 else ""
         return grid(["given up because of", *heads], rows) + note

@@ -235,7 +235,7 @@ def test_reasons_are_counted_once_an_episode_that_missed_something(clone: Path) 
     (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one reasons -->"))
     assert command(clone, "benchmarks.tables").returncode == 0
     rows = [line for line in (clone / "docs" / "page.md").read_text().splitlines() if line.startswith("|")]
-    assert rows[0] == "| given up because of | `mpvi`, 3 below q 1 |"
+    assert rows[0] == "| given up because of | `mpvi`, 3 of 4 below q 1 |"
     assert rows[2:] == [
         "| out of time | 1 |", "| `pick: no_grasp` | 2 |", "| `timeout` | 1 |", "| nothing given up | 1 |",
     ]  # fmt: skip
