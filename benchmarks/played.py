@@ -29,7 +29,7 @@ from mpvi_bt.suite.suites import load_suite
 
 NAMED = 6  # reasons that a table names for each task,
 FREQUENT = 12  # and for each method, at the most
-HALF = 0.5  # q of an episode that came far, or did not
+HALF = 0.5  # a table of parts counts the episodes with a lower q
 DONE = "done"  # the reason of a unit that the policy took for done and the checker did not
 _ROW, _LABEL, _RIGHT, _WIDE = 18.0, 300.0, 16.0, 832
 

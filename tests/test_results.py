@@ -198,7 +198,7 @@ def test_methods_are_compared_where_all_have_played(clone: Path) -> None:
 
 
 def test_the_tasks_of_a_suite_are_told_apart_from_the_others(clone: Path) -> None:
-    """In the docs' own suites; a suite that there is not is told."""
+    """Of each part: mean q, whole goals, episodes below half, those of them out of time; an unknown suite is told."""
     episode = {"ended": "time_limit", "time_s": 1.0, "method": "mpvi", "instance": 0}
     episodes = [
         {**episode, "task": "picking_up_trash", "q": 1.0, "ended": "success"},
