@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -105,6 +107,18 @@ def test_an_outdated_drawing_is_given_up(tmp_path: Path, monkeypatch: pytest.Mon
     assert Tags(drawer.draw(TREE) or "").data["end"]["is"] == "failure"
     drawer.close()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_no_file_is_left_where_the_server_has_gone(tmp_path: Path) -> None:
+    """What draws for it ends with its input, and removes the folder that the server would have removed."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    command = [sys.executable, "-m", "mpvi_bt.watch.dry_page", str(tmp_path / "tree.yaml"), str(folder)]
+    done = subprocess.run(
+        command, input=json.dumps(TREE) + "\n", capture_output=True, text=True, check=True, timeout=60
+    )
+    assert Tags(json.loads(done.stdout)).data["end"]["is"] == "failure"
+    assert not folder.exists()
 
 
 @pytest.mark.slow

@@ -1,13 +1,15 @@
 """The process that draws a tree that is edited: `python -m mpvi_bt.watch.dry_page FILE FOLDER`.
 
-It reads texts of the file and writes pages, both as JSON, a line each, until its input ends. It keeps its files in the
-folder, which is its starter's to remove, and may be killed at any time.
+It reads texts of the file and writes pages, both as JSON, a line each, until its input ends. It may be killed at any
+time: its files are in a folder of its starter's, which it removes only if its starter has gone.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -47,9 +49,13 @@ def _dry(spec: TreeSpec, trace: Path) -> str:
 def main(file: str, folder: str) -> None:
     """Draw what comes in."""
     pages, sys.stdout = sys.stdout, sys.stderr  # what a behavior prints is no page
-    for line in sys.stdin:
-        pages.write(json.dumps(drawn(json.loads(line), file, folder)) + "\n")
-        pages.flush()
+    try:
+        with contextlib.suppress(BrokenPipeError):
+            for line in sys.stdin:
+                pages.write(json.dumps(drawn(json.loads(line), file, folder)) + "\n")
+                pages.flush()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)  # whoever started this is gone
 
 
 if __name__ == "__main__":
