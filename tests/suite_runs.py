@@ -107,9 +107,9 @@ def launch(
     )
 
 
-def workers_gone(log: Path) -> bool:
-    """Whether no process that noted anything still runs."""
-    return not any(alive(int(path.name.split(".")[-2])) for path in log.iterdir())
+def running(log: Path) -> set[int]:
+    """The processes that noted anything and still run."""
+    return {pid for path in log.iterdir() if alive(pid := int(path.name.split(".")[-2]))}
 
 
 def without_wall(path: Path) -> Any:

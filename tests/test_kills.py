@@ -17,7 +17,7 @@ from mpvi_bt.episode.result import read_result
 from mpvi_bt.suite.store import Store
 from mpvi_bt.suite.suites import load_suite
 from tests.fake_episodes import fake_result
-from tests.suite_runs import EPISODES, launch, started, wait_until, workers_gone
+from tests.suite_runs import EPISODES, launch, running, started, wait_until
 
 KILLS = ["worker"] * 8 + ["suite"] * 6 + ["machine"] * 6
 SUITE = "tasks: [picking_up_trash]\ninstances: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]\nseeds: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]\n"
@@ -84,7 +84,7 @@ def test_twenty_kills_cost_nothing(tmp_path: Path, log: Path, seed: int) -> None
         else:
             os.killpg(run.pid, signal.SIGKILL)
         run.communicate()
-        wait_until(lambda: workers_gone(log), seconds=20)
+        wait_until(lambda: not running(log), seconds=20)
         if what == "machine":
             for path in out.rglob(".*.tmp"):  # what was not synced is lost in part
                 os.truncate(path, draw.randrange(path.stat().st_size + 1))

@@ -19,7 +19,7 @@ from mpvi_bt.suite.at_work import FILE as AT_WORK
 from mpvi_bt.suite.processes import WALL_LIMIT_S, ProcessEngine
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.store import Store
-from tests.suite_runs import EPISODES, Heard, launch, processes, started, wait_until, workers_gone
+from tests.suite_runs import EPISODES, Heard, launch, processes, running, started, wait_until
 
 
 @pytest.mark.rare
@@ -30,7 +30,7 @@ def test_a_killed_run_resumes_with_nothing_lost_and_nothing_twice(tmp_path: Path
     wait_until(lambda: len(list((out / "json").glob("*.json"))) >= 3)
     first.kill()
     first.communicate()
-    wait_until(lambda: workers_gone(log), seconds=10)
+    wait_until(lambda: not running(log), seconds=10)
     kept = {path: path.read_bytes() for path in (out / "json").glob("*.json")}
     assert 3 <= len(kept) < 10
     before = started(log)
@@ -81,7 +81,7 @@ def test_ctrl_c_stops_the_workers_and_exits_with_130(tmp_path: Path, log: Path) 
     assert command.startswith("  mpvi suite run ")
     assert str(tmp_path / "out") in command
     assert not (tmp_path / "out" / AT_WORK).exists()
-    wait_until(lambda: workers_gone(log), seconds=10)
+    wait_until(lambda: not running(log), seconds=10)
 
 
 def test_a_dead_worker_is_replaced_and_its_episode_tried_again(
