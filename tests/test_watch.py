@@ -11,6 +11,8 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +23,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
+from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.errors import UserError
 from mpvi_bt.trace.growing_trace import Follow, Restarted
 from mpvi_bt.trace.read import Trace
@@ -236,6 +239,27 @@ def test_a_visitor_who_reads_nothing_slows_nothing(tmp_path: Path) -> None:
         assert process.wait(60) == 0
         assert time.monotonic() - began < 30
         idle.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "asked"), [("watch", "events"), ("edit", "events"), ("edit", "drawing")])
+def test_ctrl_c_ends_an_open_page_without_a_word(command: str, asked: str, tmp_path: Path) -> None:
+    """Its events, or a drawing that takes long, are cut short, and that is no error."""
+    served = run_of(tmp_path) if command == "watch" else tmp_path / "long.yaml"
+    (tmp_path / "long.yaml").write_text(TREE + "    - wait: 7\n" * 2000, encoding="utf-8")
+    with serving(command, str(served), "--serve=0", cwd=tmp_path) as (url, process):
+        with urllib.request.urlopen(url) as page:
+            data = Tags(page.read().decode()).data
+        since = urllib.parse.quote(data["live"]["since"] if command == "watch" else data["since"])
+        with socket.create_connection(("127.0.0.1", int(url.rsplit(":", 1)[1].rstrip("/")))) as page:
+            page.sendall(f"GET /{asked}?since={since} HTTP/1.1\r\nHost: {url.split('/')[2]}\r\n\r\n".encode())
+            if asked == "events":
+                assert page.recv(4096).startswith(b"HTTP/1.1 200")
+            else:
+                time.sleep(0.5)  # for it to begin
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=20)
+        assert (process.returncode, said) == (INTERRUPTED, "")
 
 
 @pytest.fixture(scope="module")

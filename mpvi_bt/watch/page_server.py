@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -62,9 +63,24 @@ class Server:
     """Serves until it is stopped, or by Ctrl-C."""
 
     def __init__(
-        self, app: ASGIApp, listener: socket.socket, port: int, token: str = "", lifespan: bool = False
+        self,
+        app: ASGIApp,
+        listener: socket.socket,
+        port: int,
+        token: str = "",
+        lifespan: bool = False,
+        stopping: Callable[[], None] = lambda: None,
     ) -> None:
-        """Serve `app` to whom the guard lets in; `lifespan`: it has to be told when that begins and ends."""
+        """Serve `app` to whom the guard lets in.
+
+        Args:
+            app: Answers requests.
+            listener: Open already.
+            port: Its port.
+            token: What visitors must bring; "": nothing.
+            lifespan: `app` has to be told when serving begins and ends.
+            stopping: Called as soon as it is to end, so that answers under way can end by themselves.
+        """
         config = uvicorn.Config(
             PageGuard(app, port, token),
             log_level="error",
@@ -74,7 +90,7 @@ class Server:
             server_header=False,
             timeout_graceful_shutdown=_GRACE_S,
         )
-        self._server, self._listener = uvicorn.Server(config), listener
+        self._server, self._listener = _Stopped(config, stopping), listener
 
     async def serve(self) -> None:
         """Until then."""
@@ -83,3 +99,17 @@ class Server:
     def stop(self) -> None:
         """End it."""
         self._server.should_exit = True
+
+
+class _Stopped(uvicorn.Server):
+    """Says that it stops; what it then cuts short, such as the events of a page that is open, is no error."""
+
+    def __init__(self, config: uvicorn.Config, stopping: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._stopping = stopping
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End within the time of grace."""
+        logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
+        self._stopping()
+        await super().shutdown(sockets)
