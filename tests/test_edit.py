@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +15,8 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.authoring.checking import problems_in
+from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.watch.drawer import Drawer
 from mpvi_bt.watch.edited_tree import Edited
 from tests.browser import BROWSER, Browser, browser
@@ -91,6 +93,28 @@ def test_the_drawing_is_a_dry_run(tmp_path: Path) -> None:
     file.write_text("tree: t\nroot:\n  wiat: 1\n", encoding="utf-8")
     client.get("/")
     assert "no drawing" in client.get("/drawing").text
+    edited.close()
+
+
+def test_the_drawing_is_of_the_text_that_is_being_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is asked for meanwhile waits for the new text."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    edited, checking = Edited(file), threading.Event()
+
+    def slowly(path: str, text: str) -> list[Problem]:
+        checking.set()
+        time.sleep(0.5)
+        return problems_in(path, text=text)
+
+    monkeypatch.setattr("mpvi_bt.watch.edited_tree.problems_in", slowly)
+
+    file.write_text(TREE.replace("tree: slow", "tree: another"), encoding="utf-8")
+    with TestClient(edited.app) as client, ThreadPoolExecutor(1) as pool:
+        page = pool.submit(client.get, "/")
+        assert checking.wait(10)
+        assert Tags(client.get("/drawing").text).data["name"] == "another"
+        assert page.result().status_code == 200
     edited.close()
 
 

@@ -67,6 +67,7 @@ class Edited:
     async def drawing(self, request: Request) -> Response:
         """The page of a dry run of the text as it is now, or of its tree alone where it cannot be run."""
         async with self._drawing:
+            await self._look()  # while a new text is checked, a drawing of the old one is wanted by nobody
             version = self._version
             if version != self._drawn[0]:
                 page = await asyncio.to_thread(self._drawer.draw, self._text)
