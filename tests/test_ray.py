@@ -31,6 +31,7 @@ def go(log: Path) -> Path:
 def cluster(log: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A cluster whose head has one core and whose second node has two; no episode ends before there is `go(log)`."""
     monkeypatch.setenv("FAKE_UNTIL", str(go(log)))
+    monkeypatch.setenv("RAY_worker_niceness", "0")  # at 15, beside other tests, a start takes minutes
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})

@@ -31,6 +31,7 @@ _COUNT_S = 2.0  # how often the cluster is asked for its size
 _KNOCK_S = 10.0
 _SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_worker_niceness": "0",  # of a cluster of our own; Ray's 15 starves it where the cores have other work
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # a detector may use the node's GPU without one being reserved
 }
 _STORE_BYTES = 256 << 20  # shared memory of a cluster of our own: results and films pass through it
