@@ -70,6 +70,14 @@ def test_a_blade_dices_halves_once_it_cuts_anew() -> None:
     assert all(np.linalg.norm(bounds(world.solids(die)).mean(0)[:2] - at) < 0.08 for die in dice)
 
 
+def test_a_thing_that_meets_a_blade_twice_is_cut_once() -> None:
+    """Half a beet is of two solids, and both press on it in the same step."""
+    half = placed("half_beet", 1.19, 0.0, yaw=np.pi / 2)
+    world = world_of({"ax": placed("ax", 0.94, 0.0, 0.09), "half__beet.n.02_1": half})
+    run(world, STILL, 0.4)
+    assert len(world.grains("diced__beet.n.01")) == 2
+
+
 def test_a_cut_world_is_saved_and_goes_on_alike() -> None:
     """As JSON, into a world in which nothing was cut yet."""
     first, second = an_ax_over_a_log(), an_ax_over_a_log()

@@ -86,7 +86,7 @@ class Blades:
         near = {there[names[i]].entity: names[i] for i in np.flatnonzero(gaps.min(-1) < reach)}
         if not near:
             return []
-        found, own = [], tool.entity
+        found, own = set[str](), tool.entity  # a pair of solids has a contact, and a thing may have several
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)
             other = near.get(b if a == own else a) if own in (a, b) else None
@@ -96,7 +96,7 @@ class Blades:
             impulse = sum((np.asarray(p.impulse, float) for p in on_blade), np.zeros(3))  # of one step of physics [Ns]
             push_n = float(norm(impulse)) * PHYSICS_HZ
             if push_n > PUSH_N:
-                found.append(other)
+                found.add(other)
         return sorted(found)
 
     def _cut(self, name: str, how: str | None) -> None:
