@@ -133,6 +133,19 @@ def test_an_outdated_drawing_is_given_up(tmp_path: Path, monkeypatch: pytest.Mon
     assert list(tmp_path.iterdir()) == []
 
 
+def test_nothing_is_drawn_once_the_server_ends(tmp_path: Path) -> None:
+    """Of two pages that wait for a drawing the second does not begin one when the first is given up."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(long_tree(2000), encoding="utf-8")
+    edited = Edited(file)
+    with TestClient(edited.app) as client, ThreadPoolExecutor(2) as pool:
+        pages = [pool.submit(client.get, "/drawing") for _ in range(2)]
+        time.sleep(0.5)  # for the first to begin
+        edited.close()
+        assert [page.result(timeout=60).status_code for page in pages] == [200, 200]
+    assert not any("<svg" in page.result().text or "application/json" in page.result().text for page in pages)
+
+
 def test_no_file_is_left_where_the_server_has_gone(tmp_path: Path) -> None:
     """What draws for it ends with its input, and removes the folder that the server would have removed."""
     folder = tmp_path / "files"

@@ -69,7 +69,7 @@ class Edited:
         async with self._drawing:
             await self._look()  # while a new text is checked, a drawing of the old one is wanted by nobody
             version = self._version
-            if version != self._drawn[0]:
+            if version != self._drawn[0] and not self.feed.closing:
                 page = await asyncio.to_thread(self._drawer.draw, self._text)
                 if page is None:
                     return HTMLResponse(sentence("There is no drawing of this text."))

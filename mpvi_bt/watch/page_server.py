@@ -90,7 +90,7 @@ class Server:
             server_header=False,
             timeout_graceful_shutdown=_GRACE_S,
         )
-        self._server, self._listener = _Stopped(config, stopping), listener
+        self._server, self._listener = _EndingServer(config, stopping), listener
 
     async def serve(self) -> None:
         """Until then."""
@@ -101,7 +101,7 @@ class Server:
         self._server.should_exit = True
 
 
-class _Stopped(uvicorn.Server):
+class _EndingServer(uvicorn.Server):
     """Says that it stops; what it then cuts short, such as the events of a page that is open, is no error."""
 
     def __init__(self, config: uvicorn.Config, stopping: Callable[[], None]) -> None:
