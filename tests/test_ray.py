@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -115,6 +116,21 @@ def test_what_hangs_or_dies_on_a_node_is_tried_again(
     outcome = run_suite(EPISODES[:4], Store(tmp_path / "out"), RayEngine(None, 2, FAKE, wall_limit_s=10.0), heard)
     assert sorted(outcome.results, key=str) == EPISODES[:4]
     assert sorted(heard.faults) == [(0, True), (1, True), (2, True)]
+
+
+@pytest.mark.rare
+@needs_ray
+@pytest.mark.slow
+def test_a_cluster_of_our_own_does_not_give_way() -> None:
+    """Its processes have the niceness of this one, as those of the other engine have."""
+    import ray
+
+    engine = RayEngine(None, 1)
+    engine.open()
+    try:
+        assert ray.get(ray.remote(lambda: os.nice(0)).remote()) == os.nice(0)
+    finally:
+        engine.close()
 
 
 @needs_ray
