@@ -37,11 +37,12 @@ _TAIL = """
     mpvi new object my_mug --mesh mug.glb --synset mug.n.04
 
 makes an entry of a GLB, OBJ, PLY or STL: upright, in metres, its middle over the origin, in up to a dozen colors,
-with convex parts for physics. These are computed, or given: `--part FILE`, as often as there are any. What is convex
-already, or made of convex pieces, is taken as it is; coacd takes seconds where pieces are closed, and minutes where
-it has to close them first. `--scale 0.001` is for millimetres; `--up` says which axis points up, where that is not y
-of GLB and OBJ, and z of PLY and STL. Of a URDF links that turn or shift against the first become bodies with joints,
-such as a lid.
+with convex parts for physics. Colors come from vertices, materials and textures, those of an MTL file or a URDF too:
+each triangle gets one. What is missing or not read is told. Convex parts are computed, or given: `--part FILE`, as
+often as there are any. What is convex already, or made of convex pieces, is taken as it is; coacd takes seconds where
+pieces are closed, and minutes where it has to close them first. `--scale 0.001` is for millimetres; `--up` says which
+axis points up, where that is not y of GLB and OBJ, and z of PLY and STL. Of a URDF links that turn or shift against
+the first become bodies with joints, such as a lid.
 
 The mesh is written beside the entry, as `meshes/NAME.obj`; episodes read only that, and need neither library. Physics
 takes the convex parts as they are. Robots, goals and maps take each part for the box around it: more and smaller

@@ -6,7 +6,7 @@ It is done once, when an entry of the catalogue is made, so that episodes need n
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -21,6 +21,7 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.things.description import Color, Skin
+from mpvi_bt.things.mesh_colors import NamedFiles, face_colors, unread_extensions
 from mpvi_bt.things.mesh_file import MAX_CORNERS, MAX_HULLS, MeshBody, bounds_of
 
 if TYPE_CHECKING:
@@ -92,28 +93,40 @@ def import_mesh(
 
         read_urdf(file, T, most, found)
     else:
-        whole = load(file, T)
+        whole = load(file, T, found.remarks)
         hulls = [_given(load(part, T), part) for part in parts] or convex_parts(_joined(whole), most, file)
-        found.bodies["body"] = MeshBody(skins(whole), hulls)
+        found.bodies["body"] = MeshBody(skins(whole, found.remarks), hulls)
     _stand(found)
     _check(found, file)
     return found
 
 
-def load(file: Path, T: Array) -> list[trimesh.Trimesh]:
-    """The meshes of a file, in the frame that `T` (4, 4) maps into. Raises UserError."""
+def load(file: Path, T: Array, remarks: list[str] | None = None) -> list[trimesh.Trimesh]:
+    """The meshes of a file.
+
+    Args:
+        file: Of one of the formats of `MESHES`.
+        T: (4, 4) its frame and unit to ours.
+        remarks: What it names and lacks is added; None: its colors do not matter.
+
+    Raises:
+        UserError: It is not there, cannot be read, has no triangles or too many.
+    """
     import trimesh
 
+    if not file.is_file():
+        raise UserError(f"{file}: there is no such file.")
+    named = NamedFiles(file)
+    resolver: Any = named  # trimesh asks of it no more than `get`
     try:
-        if not file.is_file():
-            raise UserError(f"{file}: there is no such file.")
-        scene = trimesh.load_scene(file)
+        scene = trimesh.load_scene(file, resolver=resolver)
         meshes = [m for m in scene.dump() if isinstance(m, trimesh.Trimesh) and len(m.faces)]
-    except UserError:
-        raise
-    except Exception as error:  # whatever a broken file makes of the readers
+        named.remarks += unread_extensions(file)
+    except Exception as error:  # trimesh's readers raise whatever a broken file makes of them; the cause is told
         told = " ".join(str(error).split())[:200] or type(error).__name__
         raise UserError(f"{file}: cannot be read as {file.suffix[1:].upper()}: {told}") from None
+    if remarks is not None:
+        remarks += [remark for remark in named.remarks if remark not in remarks]
     if not meshes:
         raise UserError(f"{file}: has no triangles.")
     for mesh in meshes:
@@ -125,10 +138,10 @@ def load(file: Path, T: Array) -> list[trimesh.Trimesh]:
     return meshes
 
 
-def skins(meshes: Iterable[trimesh.Trimesh]) -> list[Skin]:
-    """What is seen of meshes: their triangles by color, a dozen colors at most."""
+def skins(meshes: Sequence[trimesh.Trimesh], remarks: list[str]) -> list[Skin]:
+    """What is seen of meshes: their triangles by color, a dozen colors at most. Remarks are added to `remarks`."""
     corners = np.concatenate([mesh.triangles for mesh in meshes])
-    colors = np.concatenate([_face_colors(mesh) for mesh in meshes])
+    colors = np.concatenate([face_colors(mesh, remarks) for mesh in meshes])
     labels, palette = _grouped(colors)
     found = []
     for k, color in enumerate(palette):
@@ -137,20 +150,6 @@ def skins(meshes: Iterable[trimesh.Trimesh]) -> list[Skin]:
             vertices, index = np.unique(own.reshape(-1, 3).round(6), axis=0, return_inverse=True)
             found.append(Skin(color, vertices, index.reshape(-1, 3)))
     return found
-
-
-def _face_colors(mesh: trimesh.Trimesh) -> Array:
-    """(T, 3) color of each triangle, 0 to 1: of its material, or the mean of its corners'."""
-    visual: Any = mesh.visual
-    try:
-        if visual.kind == "texture":
-            visual = visual.to_color()
-        colors = np.asarray(visual.face_colors, float)
-    except Exception:  # a texture that is not there, or that is none: seen in gray
-        colors = np.empty((0, 4))
-    if colors.ndim != 2 or len(colors) != len(mesh.faces):
-        return np.full((len(mesh.faces), 3), 0.6)
-    return colors[:, :3] / 255
 
 
 def _grouped(colors: Array) -> tuple[NDArray[np.intp], list[Color]]:
@@ -250,10 +249,11 @@ def _solid(vertices: Array) -> bool:
 
 def _hull(vertices: Array, file: Path) -> trimesh.Trimesh:
     import trimesh
+    from scipy.spatial import QhullError
 
     try:
         hull = trimesh.convex.convex_hull(np.asarray(vertices, float))
-    except Exception:  # Qhull's, of what is flat
+    except (QhullError, ValueError):  # it is flat, or has too few corners
         raise UserError(f"{file}: is flat, or a line: it has no volume to collide by.") from None
     if hull.volume <= 0:
         raise UserError(f"{file}: is flat, or a line: it has no volume to collide by.")

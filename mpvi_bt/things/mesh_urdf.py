@@ -11,6 +11,7 @@ import numpy as np
 from mpvi_bt.errors import UserError
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.things.mesh_colors import named_picture
 from mpvi_bt.things.mesh_file import MeshBody
 from mpvi_bt.things.mesh_import import ImportedMesh, convex_parts, load, skins
 
@@ -59,8 +60,8 @@ def read_urdf(file: Path, T: Array, most: int, found: ImportedMesh) -> None:
             raise UserError(f"{file}: link {link.name!r} hangs on no joint.")
         name, frame = at[link.name]
         moved = found.bodies[name]
-        seen = [mesh for visual in link.visuals for mesh in _meshes(visual, frame, file)]
-        moved.skin += skins(seen) if seen else []
+        seen = [mesh for visual in link.visuals for mesh in _painted(visual, frame, file, found.remarks)]
+        moved.skin += skins(seen, found.remarks) if seen else []
         for collision in link.collisions:
             for mesh in _meshes(collision, frame, file):
                 moved.hulls += convex_parts(mesh, most, file)
@@ -105,15 +106,37 @@ def _joint(joint: Any, frame: Array, T: Array, file: Path) -> dict[str, Any]:
     }
 
 
-def _meshes(shape: Any, frame: Array, file: Path) -> list[trimesh.Trimesh]:
-    """The meshes of a visual or a collision, in our frame, in the color that the URDF gives it."""
+def _painted(visual: Any, frame: Array, file: Path, remarks: list[str]) -> list[trimesh.Trimesh]:
+    """The meshes of a visual, in our frame, with the material that the URDF gives it, or else their own."""
+    import trimesh
+
+    visuals: Any = trimesh.visual  # has no types
+    found = _meshes(visual, frame, file, remarks)
+    material = visual.material
+    texture = material.texture.filename if material is not None and material.texture is not None else ""
+    if material is None or (material.color is None and not texture):
+        return found
+    image = named_picture(texture, _file(texture, file), file, remarks) if texture else None
+    for mesh in found:
+        paint = visuals.material.PBRMaterial(name=material.name, baseColorFactor=material.color, baseColorTexture=image)
+        mesh.visual = visuals.TextureVisuals(uv=getattr(mesh.visual, "uv", None), material=paint)
+    return found
+
+
+def _meshes(shape: Any, frame: Array, file: Path, remarks: list[str] | None = None) -> list[trimesh.Trimesh]:
+    """The meshes of a visual or a collision, in our frame; of a mesh whose colors matter, remarks are added."""
     import trimesh
 
     T = matmul(frame, np.asarray(shape.origin, float))
     geometry = shape.geometry
     if geometry.mesh is not None:
         size = np.ones(3) if geometry.mesh.scale is None else np.asarray(geometry.mesh.scale, float)
-        found = load(_file(geometry.mesh.filename, file), matmul(T, np.diag([*size, 1.0])))
+        path = _file(geometry.mesh.filename, file)
+        if path is None:
+            raise UserError(
+                f"{file}: names {geometry.mesh.filename}, and there is no such file in its folder or above."
+            )
+        found = load(path, matmul(T, np.diag([*size, 1.0])), remarks)
     else:
         if geometry.box is not None:
             made = trimesh.creation.box(np.asarray(geometry.box.size, float))
@@ -125,17 +148,13 @@ def _meshes(shape: Any, frame: Array, file: Path) -> list[trimesh.Trimesh]:
             raise UserError(f"{file}: a geometry is a box, a cylinder, a sphere or a mesh.")
         made.apply_transform(T)
         found = [made]
-    material = getattr(shape, "material", None)
-    if material is not None and material.color is not None:
-        for mesh in found:
-            mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.asarray(material.color, float))
     return found
 
 
-def _file(given: str, urdf: Path) -> Path:
-    """A file that a URDF names: from its own folder, or, of a package, from one above it. Raises UserError."""
-    name = given.removeprefix("package://")
+def _file(given: str, urdf: Path) -> Path | None:
+    """A file that a URDF names: from its own folder, or, of a package, from one above it; None: there is none."""
+    name = given.removeprefix("package://").removeprefix("file://")
     for folder in (urdf.parent, *urdf.parent.resolve().parents):
         if (folder / name).is_file():
             return folder / name
-    raise UserError(f"{urdf}: names {given}, and there is no such file in its folder or above.")
+    return None
