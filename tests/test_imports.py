@@ -50,6 +50,7 @@ ONLY_IN = {
 DISTRIBUTION = {
     "yaml": "pyyaml",
     "pydantic_core": "pydantic",
+    "PIL": "pillow",
     "cv2": "sapien",
     "imageio_ffmpeg": "imageio-ffmpeg",
     "mcp_types": "mcp",
