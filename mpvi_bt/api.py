@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.choices.config import OUTPUTS, SETTINGS, EpisodeConfig
+from mpvi_bt.choices.config import SETTINGS, SHARED, EpisodeConfig
 from mpvi_bt.choices.methods import load_method
 from mpvi_bt.episode.keywords import checked, listed
 from mpvi_bt.errors import Problem
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from mpvi_bt.tree.compile import Drive
 
 File = str | PathLike[str]
-# What the episodes of a suite may have in common.
-_SHARED = [name for name in SETTINGS if name not in ("instance", "seed", *OUTPUTS)]
 _LOG = logging.getLogger("mpvi_bt")
 
 
@@ -192,7 +190,7 @@ def run_dry(
     )
 
 
-@listed(_SHARED)
+@listed(SHARED)
 def run_suite(
     suite: File,
     *,
@@ -200,6 +198,7 @@ def run_suite(
     method: str | None = None,
     tree: File | None = None,
     plan: File | None = None,
+    arguments: Mapping[str, Value] | None = None,
     tasks: Sequence[str] = (),
     instances: Sequence[int] = (),
     workers: int | None = None,
@@ -215,6 +214,7 @@ def run_suite(
         out: Folder of its results; None: runs/SUITE. What is there is not run again.
         method: Name or file of one method, instead of the suite's.
         tree, plan: Name or file of one to run in every episode.
+        arguments: Parameters of that tree.
         tasks, instances: Play only these now.
         workers: Episodes at work at once; None: one a core.
         progress: Tell on stderr how it goes.
@@ -233,25 +233,26 @@ def run_suite(
     from mpvi_bt.report.told import Told
     from mpvi_bt.suite.play import Where, play
     from mpvi_bt.suite.progress import SuiteProgress
-    from mpvi_bt.suite.store import Store
+    from mpvi_bt.suite.store import RUNS, Store
     from mpvi_bt.suite.suites import load_suite
 
-    title = paths.title(suite)
-    store = Store(Path("runs", title) if out is None else Path(out))
+    loaded, title = load_suite(str(suite)), paths.title(suite)
+    store = Store(RUNS / title if out is None else Path(out))
     files = {name: str(given) for name, given in (("tree", tree), ("plan", plan)) if given is not None}
-    options = checked({**settings, **files}, "mpvi_bt.run_suite")
+    options = checked({**settings, **files, "arguments": _listed(arguments)}, "mpvi_bt.run_suite")
     if method is not None:
         options = {**load_method(method), **options}
     outcome = play(
         title,
         store,
-        load_suite(str(suite)).episodes(**options),
+        loaded.episodes(**options),
         lambda pace: SuiteProgress(sys.stderr if progress else io.StringIO(), pace),
         tasks=tasks,
         instances=instances,
         where=Where(workers=workers),
+        about=loaded.about,
     )
-    return Told.of([SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults)], [str(suite)])
+    return Told.of([SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)])
 
 
 def _asked(
@@ -270,10 +271,15 @@ def _asked(
     told = {
         "tree": named(tree) if isinstance(tree, TreeSpec) else tree and str(tree),
         "plan": named(plan) if isinstance(plan, Plan) else plan and str(plan),
-        "arguments": tuple((name, _written(value)) for name, value in (arguments or {}).items()),
+        "arguments": _listed(arguments),
     }
     way = load_method(method) if method is not None else {}
     return EpisodeConfig(**{**way, **checked({**told, **settings, "task": str(task)}, where)}), given
+
+
+def _listed(arguments: Mapping[str, Value] | None) -> tuple[tuple[str, str], ...]:
+    """Parameters of a tree as an episode has them."""
+    return tuple((name, _written(value)) for name, value in (arguments or {}).items())
 
 
 def _written(value: Value) -> str:

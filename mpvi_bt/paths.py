@@ -81,6 +81,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; False, not an error, for a name that no folder can have."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
 def find(folder: str, name: str, kind: str = "") -> Path:
     """The file of a name, such as ("tasks", "picking_up_trash").
 

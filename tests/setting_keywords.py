@@ -8,10 +8,9 @@ from dataclasses import fields
 from pathlib import Path
 
 import mpvi_bt
-from mpvi_bt.choices.config import OUTPUTS, SETTINGS, EpisodeConfig
+from mpvi_bt.choices.config import ONE_EPISODES, SETTINGS, SHARED, EpisodeConfig
 
 FILE = Path(mpvi_bt.__file__).parent / "choices" / "setting_keywords.py"
-ONE_EPISODES = ("instance", "seed", *OUTPUTS)
 OWN = ("tree", "plan")  # parameters by themselves, which take more than names
 HEAD = '''\
 """Keywords of `mpvi_bt.run` and `mpvi_bt.run_suite` for type checkers, made of the fields of `EpisodeConfig`.
@@ -41,7 +40,7 @@ class EpisodeKeywords(SuiteKeywords, total=False):
 
 def text() -> str:
     """The file as it is to be."""
-    return HEAD + _lines(n for n in SETTINGS if n not in ONE_EPISODES) + BETWEEN + _lines(ONE_EPISODES)
+    return HEAD + _lines(SHARED) + BETWEEN + _lines(ONE_EPISODES)
 
 
 def _lines(names: Iterable[str]) -> str:

@@ -19,9 +19,7 @@ from mpvi_bt.report.figures import figures
 from mpvi_bt.report.runs import runs_of
 from mpvi_bt.suite.at_work import FILE as AT_WORK
 from mpvi_bt.suite.at_work import AtWork, note, read
-from mpvi_bt.suite.manifest import make_manifest
 from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.suite.suites import load_suite
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 
@@ -183,21 +181,6 @@ def test_a_broken_note_of_what_is_at_work_is_none(text: str, tmp_path: Path) -> 
     """It may be of another version, or of anybody."""
     (tmp_path / AT_WORK).write_text(text)
     assert read(tmp_path) == []
-
-
-@pytest.mark.rare
-def test_the_folder_of_the_results_says_which_suite_they_are_of(mpvi: Shell, tmp_path: Path) -> None:
-    """Whoever has been given a folder need not know how it came to be; one without results is refused."""
-    store = Store(tmp_path / "given")
-    make_manifest("trash10", load_suite("trash10").episodes()).claim(store.out)
-    for config in EPISODES[:3]:
-        store.write(config, fake_result(config))
-    assert mpvi("suite", "status", "given").stdout.startswith("trash10: 3/10 done, ")
-    assert "3/10 episodes" in mpvi("suite", "report", str(store.out)).stdout
-    assert "is a folder; name a file in it" in mpvi("suite", "status", str(tmp_path)).stderr
-    assert "Traceback" not in mpvi("suite", "status", "a" * 5000).stderr
-    make_manifest("mine", load_suite("trash10").episodes()).claim(tmp_path / "other")
-    assert "a suite that is no known name" in mpvi("suite", "status", "other").stderr
 
 
 def test_results_of_another_configuration_are_never_mixed_in(mpvi: Shell, tmp_path: Path) -> None:

@@ -308,6 +308,8 @@ ALWAYS = {
 SETTINGS: Mapping[str, Setting] = {
     each.name: each.metadata["setting"] for each in fields(EpisodeConfig) if each.metadata
 }
+ONE_EPISODES = ("instance", "seed", *OUTPUTS)  # a suite lists instances and seeds, and has a folder for files
+SHARED = tuple(name for name in SETTINGS if name not in ONE_EPISODES)  # the episodes of a suite may have in common
 for _group in EpisodeConfig.__bases__:  # docstrings tell of each field what its setting does
     _doc = cleandoc(_group.__doc__ or "")
     _doc += "" if "Attributes:" in _doc else "\n\nAttributes:"

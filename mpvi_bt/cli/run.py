@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mpvi_bt.choices.config import ASKING, METHOD, SETTINGS, EpisodeConfig
+from mpvi_bt.choices.config import ASKING, OUTPUTS, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import (
     File,
     Name,
     arguments,
     check_writable,
-    complete_param,
     complete_path,
     given_here,
     out_folder,
     serve,
 )
 from mpvi_bt.cli.score import brief_score, score
-from mpvi_bt.cli.setting_options import method, settings
+from mpvi_bt.cli.setting_options import settings, shared
 from mpvi_bt.errors import BackendError, NodeError, UserError
 
 if TYPE_CHECKING:
@@ -41,16 +40,9 @@ _OF_THIS_RUN = ("video", "picture", "rerun", "times", *ASKING)  # of an episode 
 
 @click.command()
 @click.argument("task", type=Name("tasks"), required=False)
-@method(*METHOD)
-@settings(*SETTINGS)
-@click.option(
-    "--param",
-    "params",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Fill in a parameter of the tree.",
-    shell_complete=complete_param,
-)
+@settings("instance", "seed")
+@shared
+@settings(*OUTPUTS)
 @click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
 @click.option("--resume", type=File(), metavar="FILE", help="Continue a stopped episode from its saved file.")
 @click.option(

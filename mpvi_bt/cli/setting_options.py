@@ -11,9 +11,9 @@ import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt.choices.backends import BACKENDS
-from mpvi_bt.choices.config import SETTINGS, EpisodeConfig
+from mpvi_bt.choices.config import METHOD, SETTINGS, SHARED, EpisodeConfig
 from mpvi_bt.choices.settings import hints
-from mpvi_bt.cli.given import BackendType, File, Finite, Name, Written
+from mpvi_bt.cli.given import BackendType, File, Finite, Name, Written, complete_param
 from mpvi_bt.errors import UnknownName, UserError, shown
 
 
@@ -26,6 +26,19 @@ def settings(*names: str) -> Callable[[Any], Any]:
         return command
 
     return add
+
+
+def shared(command: Any) -> Any:
+    """The options that one episode and all episodes of a suite take alike; those of their trees' parameters, too."""
+    command = click.option(
+        "--param",
+        "params",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Fill in a parameter of the tree.",
+        shell_complete=complete_param,
+    )(command)
+    return method(*METHOD)(settings(*SHARED)(command))
 
 
 def _option(name: str) -> Callable[[Any], Any]:

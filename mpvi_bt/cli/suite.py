@@ -6,29 +6,28 @@ import json
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from mpvi_bt import paths
-from mpvi_bt.choices.config import ASKING, EPISODE, METHOD, EpisodeConfig
+from mpvi_bt.choices.config import EPISODE, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import File, Name
+from mpvi_bt.cli.given import File, Name, arguments
 from mpvi_bt.cli.given import serve as serving
-from mpvi_bt.cli.setting_options import method, settings
-from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.cli.setting_options import settings, shared
+from mpvi_bt.errors import BackendError
 from mpvi_bt.report.told import Told
 
 if TYPE_CHECKING:
+    from mpvi_bt.suite.suites import Suite
     from mpvi_bt.watch.address import Address
     from mpvi_bt.watch.channel import Page
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
-# Settings with an option; the robot and its simulator are for methods and --set.
-_OPTIONS = ["split", *(name for name in METHOD if name not in ("robot", "sim")), "tree", "plan", *ASKING]
 _NAMED = 20  # episodes at most that `status` names one by one
 
 # The heavier modules load in the functions, so that `--help` is quick.
@@ -39,7 +38,7 @@ def suite() -> None:
     """Run many episodes, resume them, and tabulate the scores."""
 
 
-def _shared(command: Any) -> Any:
+def _named(command: Any) -> Any:
     """The argument and options that name a suite and its folder."""
     command = click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")(command)
     command = click.option("--out", type=_FOLDER, help="Folder of the results.  [default: runs/SUITE]")(command)
@@ -47,9 +46,8 @@ def _shared(command: Any) -> Any:
 
 
 @suite.command()
-@_shared
-@method(*METHOD)
-@settings(*_OPTIONS)
+@_named
+@shared
 @click.option(
     "--task",
     "tasks",
@@ -125,6 +123,7 @@ def run(
     serve: Address | None,
     suite_calls: int | None,
     suite_tokens: int | None,
+    params: tuple[str, ...],
     **options: Any,
 ) -> int:
     """Run the episodes of SUITE that have no result.
@@ -136,8 +135,11 @@ def run(
     from mpvi_bt.report.several import SuiteFolder
     from mpvi_bt.suite.play import Kept, Where, play
     from mpvi_bt.suite.progress import SuiteProgress
+    from mpvi_bt.suite.store import RUNS, Store
+    from mpvi_bt.suite.suites import load_suite
 
-    title, store, episodes = _open(name, out, options)
+    loaded, title = load_suite(name), paths.title(name)
+    store, episodes = Store(out or RUNS / title), _chosen(loaded, options, params)
     for doubt in language_doubts(episodes):
         click.echo(f"mpvi: {doubt}", err=True)
     page = None if serve is None else _page(serve, store.out)
@@ -153,6 +155,7 @@ def run(
             kept=Kept(trace, video, picture, demonstrations, demonstration_fps),
             calls=suite_calls,
             tokens=suite_tokens,
+            about=loaded.about,
         )
     except KeyboardInterrupt:
         words = click.get_current_context().find_root().obj or ()
@@ -162,7 +165,7 @@ def run(
     finally:
         if page is not None:
             page.close()
-    part = SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults)
+    part = SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)
     click.echo(Told.of([part]).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
 
@@ -180,15 +183,14 @@ def _page(serve: Address, folder: Path) -> Page:
 
 
 @suite.command()
-@_shared
+@_named
 def status(name: str, out: Path | None, as_json: bool) -> None:
     """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
     from mpvi_bt.report.several import SuiteFolder
     from mpvi_bt.suite.standing import spoken, under_way
 
-    title, store, episodes = _open(*_meant(name, out))
-    part = SuiteFolder.read(title, store, episodes)
-    results, faults = part.results, part.faults
+    part = SuiteFolder.named(name, out)
+    title, store, episodes, results, faults = part.suite, part.store, part.episodes, part.results, part.faults
     methods = list(dict.fromkeys(c.method for c in episodes))
     data = {"suite": title, "folder": str(store.out), "running": store.running(), **_stand(episodes, results, faults)}
     if len(methods) > 1:
@@ -222,7 +224,7 @@ def _print_at_work(data: Mapping[str, Any]) -> None:
 
 
 def _stand(
-    episodes: list[EpisodeConfig], results: Mapping[EpisodeConfig, Any], faults: Mapping[EpisodeConfig, Any]
+    episodes: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Any], faults: Mapping[EpisodeConfig, Any]
 ) -> dict[str, Any]:
     """How far some episodes are."""
     done = [results[c] for c in episodes if c in results]
@@ -261,54 +263,20 @@ def report(names: tuple[str, ...], out: Path | None, as_json: bool, baseline: st
 
     if out is not None and len(names) > 1:
         raise click.UsageError("--out is the folder of one SUITE; name several by their folders.")
-    meant = [_meant(name, out) for name in names]
-    parts = [SuiteFolder.read(*_open(name, folder)) for name, folder in meant]
-    told = Told.of(parts, [name for name, _ in meant], baseline)
+    told = Told.of([SuiteFolder.named(name, out) for name in names], baseline)
     written = [path for kind, file in files.items() if file for path in getattr(told, f"write_{kind}")(file)]
     click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 
-def _meant(name: str, out: Path | None) -> tuple[str, Path | None]:
-    """A suite and the folder of its results, where that folder may have been named instead; a suite's name goes first.
-
-    Raises:
-        UserError: The folder's results are of a suite that has no name here.
-    """
-    from mpvi_bt.suite.manifest import FILE, read_manifest
-
-    suites = paths.names("tasks/suites")
-    if out is not None or name in suites or not paths.is_file(Path(name, FILE)):
-        return name, out
-    if (manifest := read_manifest(Path(name))) is None or manifest.suite not in suites:
-        raise UserError(f"{name}: holds results of a suite that is no known name; name its file, and this with --out")
-    return manifest.suite, Path(name)
-
-
-def _open(name: str, out: Path | None, options: dict[str, Any] | None = None) -> tuple[str, Any, list[EpisodeConfig]]:
-    """The suite's title, its store and its episodes, all names checked.
-
-    Args:
-        name: Of a suite, or its file.
-        out: Folder of its results, or None: the usual one.
-        options: What the command line says of methods and backends; None: episodes are as they were run in that
-            folder.
-    """
-    from mpvi_bt.suite.manifest import read_manifest
-    from mpvi_bt.suite.store import Store
-    from mpvi_bt.suite.suites import load_suite
-
-    loaded = load_suite(name)
-    title = paths.title(name)
-    store = Store(out or Path("runs") / title)
-    if options is None and (manifest := read_manifest(store.out)) is not None:
-        return title, store, manifest.episodes()
+def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> list[EpisodeConfig]:
+    """A suite's episodes as the command line has them: what is not on it is left to the suite's methods."""
     context = click.get_current_context()
     given = {
         key: value
-        for key, value in (options or {}).items()
+        for key, value in options.items()
         if context.get_parameter_source(key) is not click.core.ParameterSource.DEFAULT
     }
-    return title, store, loaded.episodes(**given)
+    return suite.episodes(**given, arguments=tuple(arguments(params).items()))
 
 
 def _print_json(data: Any) -> None:

@@ -173,7 +173,7 @@ def _method(runs: Runs) -> MethodFigures:
         name=runs.method,
         about=runs.about,
         settings=_shared(config.record() for config in runs.episodes),
-        privileged=sorted({backend for config in runs.episodes for backend in privileged(config.backends)}),
+        privileged=_privileged(runs),
         assisted=any(config.assisted for config in runs.episodes),
         overall=_group(runs, runs.episodes),
         tasks={task: _group(runs, configs) for task, configs in of_task.items()},
@@ -193,6 +193,12 @@ def _method(runs: Runs) -> MethodFigures:
             if c not in runs.results
         },
     )
+
+
+def _privileged(runs: Runs) -> list[str]:
+    """What results say, which stays true where a part of another package is not installed; else what is chosen."""
+    told = [result.privileged for result in runs.results.values()]
+    return sorted({part for parts in told or [privileged(c.backends) for c in runs.episodes] for part in parts})
 
 
 def _group(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:

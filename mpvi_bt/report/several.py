@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mpvi_bt import paths
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.result import Result
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.report.runs import Runs, runs_of
+from mpvi_bt.suite.manifest import FILE as MANIFEST
 from mpvi_bt.suite.manifest import Manifest, read_manifest
-from mpvi_bt.suite.store import Fault, Store
+from mpvi_bt.suite.store import RUNS, Fault, Store
+from mpvi_bt.suite.suites import FOLDER, load_suite
 
-_MOST = 4  # files that a note names
+_MOST = 4  # files or folders that a note names
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class SuiteFolder:
         episodes: All of the suite, in order.
         results: Those that are there.
         faults: What broke others.
+        about: The suite, in one line.
     """
 
     suite: str
@@ -34,13 +39,79 @@ class SuiteFolder:
     episodes: Sequence[EpisodeConfig]
     results: Mapping[EpisodeConfig, Result]
     faults: Mapping[EpisodeConfig, Fault]
+    about: str = ""
 
     @classmethod
-    def read(cls, suite: str, store: Store, episodes: Sequence[EpisodeConfig]) -> SuiteFolder:
+    def named(cls, name: str, out: Path | None = None) -> SuiteFolder:
+        """The results that a person means. A folder knows its suite; the suite's file need not be there any more.
+
+        Args:
+            name: The folder; or the suite, by its name or its file.
+            out: The folder, beside the suite; None: where `mpvi suite run` puts it.
+
+        Raises:
+            UserError: There is no such folder or suite, or the folder does not say what its results are of.
+            FileProblems: Everything that is wrong with the suite's file.
+        """
+        folder = out or _meant(name)
+        if (manifest := read_manifest(folder)) is not None:
+            if out is not None and manifest.suite != paths.title(name):
+                raise UserError(f"{out}: holds results of the suite {manifest.suite!r}, not of {paths.title(name)!r}.")
+            return cls.of(Store(folder), manifest)
+        suite = load_suite(name)
+        return cls.read(paths.title(name), Store(folder), suite.episodes(), suite.about)
+
+    @classmethod
+    def of(cls, store: Store, manifest: Manifest) -> SuiteFolder:
+        """What is there now of all that the manifest names. Raises as `read`."""
+        return cls.read(manifest.suite, store, manifest.episodes(), manifest.about)
+
+    @classmethod
+    def read(cls, suite: str, store: Store, episodes: Sequence[EpisodeConfig], about: str = "") -> SuiteFolder:
         """What is there now. Raises UserError if it is of another configuration."""
         results = {c: r for c in episodes if (r := store.result(c)) is not None}
         faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
-        return cls(suite, store, episodes, results, faults)
+        return cls(suite, store, episodes, results, faults, about)
+
+
+def _meant(name: str) -> Path:
+    """The folder of the results of a suite, of its file, or of a folder; a bare name is looked for in `runs` first.
+
+    Raises:
+        UserError: There is no such file, or the folder does not say what its results are of.
+        UnknownName: Neither a suite nor a folder in `runs` has that name.
+    """
+    own = Path(name)
+    bare = os.sep not in name and not name.startswith(".") and not paths.is_file(own)
+    folders = [RUNS / name, own] if bare else [own]
+    if (found := next((folder for folder in folders if paths.is_file(folder / MANIFEST)), None)) is not None:
+        return found
+    if not bare or name not in paths.names(FOLDER):
+        for folder in filter(paths.is_folder, folders):
+            raise UserError(_untold(folder))
+    try:
+        return RUNS / paths.title(paths.find_or_file(FOLDER, name, "suite"))
+    except UnknownName as error:
+        raise UnknownName("suite", name, [*error.known, *(folder.name for folder in _below(RUNS))]) from None
+
+
+def _untold(folder: Path) -> str:
+    """Why nothing can be told of a folder without a manifest, and what to do."""
+    below = [str(inner) for inner in _below(folder)]
+    if below:
+        more = f" and {len(below) - _MOST} more" if len(below) > _MOST else ""
+        return f"{folder}: is not the folder of one suite's results. These are: {', '.join(below[:_MOST])}{more}."
+    if any(folder.glob("json/*.json")) or any(folder.glob("*/json/*.json")):
+        return (
+            f"{folder}: holds results, but no {MANIFEST}, which says of what suite they are. "
+            f"Name the suite or its file: mpvi suite report SUITE --out {folder}."
+        )
+    return f"{folder}: holds no results of a suite."
+
+
+def _below(folder: Path) -> list[Path]:
+    """The folders in a folder that say what their results are of."""
+    return sorted(manifest.parent for manifest in folder.glob(f"*/{MANIFEST}"))
 
 
 def together(parts: Sequence[SuiteFolder]) -> list[Runs]:

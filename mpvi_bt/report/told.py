@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
@@ -33,12 +33,11 @@ class Told:
     stores: list[Store]
 
     @classmethod
-    def of(cls, parts: Sequence[SuiteFolder], suites: Iterable[str] = (), baseline: str | None = None) -> Told:
+    def of(cls, parts: Sequence[SuiteFolder], baseline: str | None = None) -> Told:
         """Compute the figures.
 
         Args:
             parts: The results of each folder; several are compared.
-            suites: Names or files of the suites, which say what they are about.
             baseline: Name of the method that others are compared with.
 
         Raises:
@@ -47,11 +46,10 @@ class Told:
         """
         from mpvi_bt.report.figures import figures
         from mpvi_bt.report.several import notes, together
-        from mpvi_bt.suite.suites import load_suite
 
         runs = together(parts)
         title = ", ".join(dict.fromkeys(part.suite for part in parts))
-        about = " ".join(dict.fromkeys(filter(None, (load_suite(suite).about for suite in suites))))
+        about = " ".join(dict.fromkeys(filter(None, (part.about for part in parts))))
         return cls(figures(title, runs, about, baseline, notes(parts)), runs, [part.store for part in parts])
 
     @property

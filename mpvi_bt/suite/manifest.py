@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, ValidationError, model_validator
 
 from mpvi_bt import __version__, paths
-from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.config import SETTINGS, EpisodeConfig
 from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.goals.problem import activities
@@ -34,7 +34,7 @@ class Manifest(Record):
     Attributes:
         manifest: Version of this layout.
         version, bddl: Of mpvi_bt, and of the distribution that problems come from.
-        suite: Its name.
+        suite, about: Its name, and its line for people.
         tasks, instances, seeds: Its lists, as last run: more may be added.
         methods: Settings of every method by its name; "" where the suite names none.
         files: Digest of all data that the episodes read, by its name below a root.
@@ -44,6 +44,7 @@ class Manifest(Record):
     version: str
     bddl: str
     suite: str
+    about: str = ""
     tasks: list[str]
     instances: list[int]
     seeds: list[int]
@@ -110,7 +111,7 @@ class Manifest(Record):
         return None
 
 
-def make_manifest(suite: str, episodes: Sequence[EpisodeConfig]) -> Manifest:
+def make_manifest(suite: str, episodes: Sequence[EpisodeConfig], about: str = "") -> Manifest:
     """The manifest of a suite's episodes. Raises as `load_task`."""
     methods: dict[str, dict[str, Any]] = {}
     for config in episodes:
@@ -121,6 +122,7 @@ def make_manifest(suite: str, episodes: Sequence[EpisodeConfig]) -> Manifest:
         version=__version__,
         bddl=metadata.version("bddl"),
         suite=suite,
+        about=about,
         tasks=list(dict.fromkeys(config.task for config in episodes)),
         instances=list(dict.fromkeys(config.instance for config in episodes)),
         seeds=list(dict.fromkeys(config.seed for config in episodes)),
@@ -188,8 +190,10 @@ def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
     yield paths.find_or_file("tasks/plans", config.plan or task.plan)
     if tree := config.tree or task.tree:
         yield paths.find_or_file("trees", tree)
+    for name in ("unit", "calibration", "substitute", "policy_settings"):
+        if given := getattr(config, name):
+            yield paths.find_or_file(SETTINGS[name].folder or "", given)
     if config.policy_settings:
-        yield paths.find_or_file("policies", config.policy_settings)
         observation = load_settings(config.policy_settings).observation
         if observation is not None and observation.prompts is not None:
             yield Path(observation.prompts)

@@ -84,6 +84,7 @@ def play(
     kept: Kept = Kept(),
     calls: int | None = None,
     tokens: int | None = None,
+    about: str = "",
 ) -> SuiteOutcome:
     """Run the episodes that have no result.
 
@@ -96,6 +97,7 @@ def play(
         where: What plays them.
         kept: What is written of each.
         calls, tokens: How much all runs in this folder together may ask of language models; None: any number.
+        about: The suite in one line, for who is given its results only.
 
     Raises:
         UserError: The suite has no such task or instance, something that its episodes name does not exist or is wrong,
@@ -106,7 +108,7 @@ def play(
         raise UserError("--ray-address is where --engine ray plays episodes; it is not chosen.")
     if where.ray_address is not None and (calls is not None or tokens is not None):
         raise UserError("The nodes of a cluster cannot count calls and tokens together; give --calls or --tokens.")
-    manifest, budget_s = make_manifest(title, episodes), budgets_s(episodes)
+    manifest, budget_s = make_manifest(title, episodes, about), budgets_s(episodes)
     budget = SuiteBudget(store.out / "asked.json", calls, tokens)
     ready: dict[str | None, list[Prepared | None]] = {}  # by the thresholds that they name
     for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():

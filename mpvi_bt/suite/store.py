@@ -30,6 +30,7 @@ from mpvi_bt.episode.result import Result, read_result, write_json, write_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import unwritable
 
+RUNS = Path("runs")  # below it each suite has a folder of its name, where no other is asked for
 _LOCK_TRIES, _LOCK_WAIT_S = 10, 0.05
 _UNDONE = ("interrupted", "backend_error")  # ends of which the episode has to be run again
 

@@ -14,6 +14,7 @@ from mpvi_bt.file_kinds import expect
 from mpvi_bt.instances.tasks import Name, load_task
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 
+FOLDER = "tasks/suites"
 Whole = Annotated[int, Field(ge=0, le=999_999)]
 
 
@@ -60,7 +61,7 @@ def load_suite(name: str) -> Suite:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with the file, or with its tasks' files.
     """
-    return check_suite(*load_marked(paths.find_or_file("tasks/suites", name, "suite")))
+    return check_suite(*load_marked(paths.find_or_file(FOLDER, name, "suite")))
 
 
 def check_suite(data: Any, marks: Marks) -> Suite:

@@ -122,7 +122,7 @@ class WatchedSuite:
                 if manifest is None:
                     return False
                 if self._seen is None or seen != self._seen[0]:
-                    part = SuiteFolder.read(manifest.suite, self._store, manifest.episodes())
+                    part = SuiteFolder.of(self._store, manifest)
                     self._part, self._figures = part, _figures(part)
                 self._data = _stand(self._part, running) | self._figures
             except MpviError as error:
