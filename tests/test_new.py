@@ -96,7 +96,7 @@ def test_an_object_is_filed_by_a_name_of_behavior() -> None:
     assert "synset: toy_figure.n.01" in "".join(new_object("gnome", "bottle", "toy_figure.n.01").files.values())
     gnome = new_object("gnome", "bottle")
     assert "synset: bottle.n.01" in "".join(gnome.files.values())
-    assert "--synset" in gnome.remarks[0]
+    assert "--synset" in gnome.remarks[1]
     with pytest.raises(UserError, match=r"unknown synset 'toy_figur\.n\.01'\. Did you mean 'toy_figure\.n\.01'"):
         new_object("gnome", "bottle", "toy_figur.n.01")
 

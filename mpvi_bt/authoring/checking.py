@@ -52,6 +52,7 @@ def check_files(given: Iterable[str], task: str | None = None, stdin: str = "") 
     problems: list[Problem] = []
     count = 0
     missing = False
+    named: dict[str, str] = {}
     for name in given:
         try:
             found = below(name)
@@ -60,11 +61,14 @@ def check_files(given: Iterable[str], task: str | None = None, stdin: str = "") 
             missing = True
             continue
         count += len(found)
+        named |= {os.path.realpath(file): file for file in found}
         if name == "-":
             problems += problems_in(STDIN, site, text=stdin)
         else:
             problems += [problem for file in found for problem in problems_in(file, site, named=found == [name])]
-    once = {(p.file, p.line, p.column, p.message): p for p in problems}  # subtrees are read twice
+    # A file is read again for each file that names it, by another path perhaps: its problems are told once
+    told = [replace(p, file=named.get(os.path.realpath(p.file), p.file)) for p in problems]
+    once = {(p.file, p.line, p.column, p.message): p for p in told}
     return Checked(list(once.values()), count, missing)
 
 

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from mpvi_bt import paths
 from mpvi_bt.errors import UnknownName, UserError, shown
@@ -167,13 +168,14 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
         **model.model_dump(mode="json", include={"mass_kg", "rolling_damping", "abilities"}, exclude_defaults=True),
     }
     about = (family(model.family).__doc__ or "").splitlines()[0]
+    remarks = (_measured(model.description.extent(visible=True)), *([remark] if remark else []))
     return Skeleton(
         {f"{CATALOGUES}/{name}.yaml": _OBJECT.format(about=about) + _dumped({"entries": {name: entry}})},
         (
             f"mpvi check ROOT/{CATALOGUES}/{name}.yaml",
             f"mpvi show {name}",
         ),
-        (remark,) if remark else (),
+        remarks,
     )
 
 
@@ -202,7 +204,6 @@ def new_mesh(
     checked_name("catalogue entry", name, {entry.name: entry.family for entry in load_catalogue()})
     chosen, remark = _synset(name, synset, _ANY_SYNSET)
     made = import_mesh(file, parts, scale, up, hulls)
-    low, high = bounds_of(made.bodies.values())
     shape: dict[str, Any] = {"file": f"meshes/{name}.obj"}
     if made.joints:
         shape["joints"] = made.joints
@@ -214,13 +215,19 @@ def new_mesh(
         "mass_kg": round(float(np.clip(_DENSITY * volume_of(made.bodies), 0.02, 50.0)), 3),
     }
     count = sum(len(body.hulls) for body in made.bodies.values())
-    size = " x ".join(f"{side:.3f}" for side in high - low)
+    size = _measured(bounds_of(made.bodies.values()))
     files = {
         f"{CATALOGUES}/{name}.yaml": _MESH + _dumped({"entries": {name: entry}}),
         f"{CATALOGUES}/meshes/{name}.obj": mesh_text(made.bodies),
     }
-    remarks = [f"{size} m, {count} convex part{'s' * (count != 1)}", *made.remarks, *([remark] if remark else [])]
+    remarks = [f"{size}; {count} convex part{'s' * (count != 1)}", *made.remarks, *([remark] if remark else [])]
     return Skeleton(files, (f"mpvi check ROOT/{CATALOGUES}/{name}.yaml", f"mpvi show {name}"), tuple(remarks))
+
+
+def _measured(extent: NDArray[np.float64]) -> str:
+    """The sides of a box (2, 3), low and high corner [m], in words."""
+    depth, width, height = extent[1] - extent[0]
+    return f"{height:.3f} m high (z), {depth:.3f} m deep (x, front to back), {width:.3f} m wide (y)"
 
 
 def _synset(name: str, given: str | None, otherwise: str) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -83,6 +84,7 @@ def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
 @click.option("--scale", type=Finite(min=1e-6), default=1.0, show_default=True, help="Length of the mesh's unit [m].")
 @click.option("--up", type=click.Choice(["y", "z"]), help="Axis that points up.  [default: z of PLY, STL, URDF]")
 @click.option("--hulls", type=int, default=16, show_default=True, metavar="N", help="Maximum number of convex parts.")
+@click.option("--picture/--no-picture", default=True, help="Draw the thing beside its file.  [default: picture]")
 def object_(
     name: str,
     root: Path | None,
@@ -94,6 +96,7 @@ def object_(
     scale: float,
     up: Literal["y", "z"] | None,
     hulls: int,
+    picture: bool,
 ) -> None:
     """A thing of the catalogue, for houses and tasks: of a family of shapes, or with a mesh of your own."""
     from mpvi_bt.authoring.skeletons import new_mesh, new_object
@@ -104,7 +107,7 @@ def object_(
     if mesh is not None and "like" in given:
         raise click.UsageError("--like and --mesh are two shapes; give one of them.")
     made = new_object(name, like, synset) if mesh is None else new_mesh(name, mesh, parts, scale, up, hulls, synset)
-    _write(made, root, as_json)
+    _write(made, root, as_json, _portrait if picture else None)
 
 
 @new.command()
@@ -141,19 +144,44 @@ def _given() -> set[str]:
     return {str(p.name) for p in context.command.params if context.get_parameter_source(str(p.name)) == said}
 
 
-def _write(skeleton: Skeleton, root: Path | None, as_json: bool) -> None:
-    """Write the files and say what to do next."""
+def _portrait(files: list[Path]) -> tuple[list[Path], list[str]]:
+    """Draw the entry of a catalogue's file beside it: the picture's file, or a remark why there is none."""
+    from mpvi_bt.cli.show import draw
+    from mpvi_bt.errors import NoRenderingDevice
+    from mpvi_bt.things.catalogue import load_catalogue
+
+    (entry,) = load_catalogue(files[0])
+    picture = files[0].with_suffix(".png")
+    if picture.exists():
+        return [], [f"{picture}: is there already; `mpvi show {entry.name} --out FILE` draws another"]
+    try:
+        draw(entry, picture)
+    except NoRenderingDevice as error:
+        return [], [f"not drawn: {error}"]
+    return [picture], []
+
+
+def _write(
+    skeleton: Skeleton,
+    root: Path | None,
+    as_json: bool,
+    more: Callable[[list[Path]], tuple[list[Path], list[str]]] | None = None,
+) -> None:
+    """Write the files and say what to do next. `more`: writes others, of these files, and has remarks."""
     from mpvi_bt.authoring.skeletons import found_by, home
 
     folder = home() if root is None else root
     export = "" if any(place.endswith(".py") for place in skeleton.files) else found_by(folder)
     here = Path.cwd()
-    written = [p.relative_to(here) if p.is_relative_to(here) else p for p in skeleton.write(folder)]
+    files = skeleton.write(folder)
+    others, remarks = more(files) if more is not None else ([], [])
+    written = [p.relative_to(here) if p.is_relative_to(here) else p for p in [*files, *others]]
+    remarks = [*skeleton.remarks, *remarks]
     below = "" if folder.resolve() == Path.cwd() else f"{folder}/"
     commands = [*([export] if export else []), *(command.replace("ROOT/", below) for command in skeleton.next)]
     if as_json:
-        told = {"written": [str(path) for path in written], "next": commands, "remarks": list(skeleton.remarks)}
+        told = {"written": [str(path) for path in written], "next": commands, "remarks": remarks}
         click.echo(json.dumps(told, indent=2))
         return
-    for line in (*(f"wrote {path}" for path in written), *skeleton.remarks, "next:", *(f"  {c}" for c in commands)):
+    for line in (*(f"wrote {path}" for path in written), *remarks, "next:", *(f"  {c}" for c in commands)):
         click.echo(line)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from mpvi_bt.things.catalogue import CatalogueEntry
+
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _SMALL, _LARGE, _WIDE = (200, 150), (640, 480), (1400, 640)
 _FOV_RAD = 0.6
@@ -45,7 +47,7 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
 
         for info in families(catalogue):
             if info.example is not None:
-                _draw(info.example.name, page.with_suffix("") / f"{info.name}.jpg", _SMALL)
+                draw(info.example, page.with_suffix("") / f"{info.name}.jpg", _SMALL)
         _write(page, family_page(catalogue, page.stem).encode())
         click.echo(f"wrote {page}")
         return
@@ -59,15 +61,15 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
     if entry is None:
         _keep(_house(name), out)
     else:
-        _draw(entry.name, out, _LARGE)
+        draw(entry, out)
     click.echo(f"wrote {out}")
 
 
-def _draw(name: str, path: Path, size: tuple[int, int]) -> None:
+def draw(entry: CatalogueEntry, path: Path, size: tuple[int, int] = _LARGE) -> None:
+    """Write a picture of a thing of the catalogue, its doors ajar; `size`: width and height [px]."""
     from mpvi_bt.sim.portrait import portrait
-    from mpvi_bt.things.catalogue import load_catalogue
 
-    _keep(portrait(load_catalogue()[name], size), path)
+    _keep(portrait(entry, size), path)
 
 
 def _house(name: str) -> NDArray[np.uint8]:

@@ -111,8 +111,42 @@ def holds(formula: Formula, truth: Truth) -> bool:
         case Exactly(count, children):
             return sum(holds(child, truth) for child in children) == count
         case Pairs(count, rows):
-            table = [[holds(cell, truth) for cell in row] for row in rows]
-            return sum(map(any, table)) >= count and sum(map(any, zip(*table, strict=True))) >= count
+            return _paired([[holds(cell, truth) for cell in row] for row in rows], count)
+
+
+def can_hold(formula: Formula, possible: Truth) -> bool:
+    """Whether the formula may be true in some world, where literals that are not `possible` are never true."""
+    return _may_be(formula, possible)[0]
+
+
+def _may_be(formula: Formula, possible: Truth) -> tuple[bool, bool]:
+    """Whether the formula may be true, and whether it may be false, each literal for itself."""
+    match formula:
+        case Literal():
+            return possible(formula), True
+        case Not(child):
+            may_be_true, may_be_false = _may_be(child, possible)
+            return may_be_false, may_be_true
+        case All(children):
+            each = [_may_be(child, possible) for child in children]
+            return all(true for true, _ in each), any(false for _, false in each)
+        case Some(children):
+            each = [_may_be(child, possible) for child in children]
+            return any(true for true, _ in each), all(false for _, false in each)
+        case Exactly(count, children):
+            each = [_may_be(child, possible) for child in children]
+            least, most = sum(not false for _, false in each), sum(true for true, _ in each)
+            return least <= count <= most, not least == count == most
+        case Pairs(count, rows):
+            table = [[_may_be(cell, possible) for cell in row] for row in rows]
+            might = [[may_be_true for may_be_true, _ in row] for row in table]
+            must = [[not may_be_false for _, may_be_false in row] for row in table]
+            return _paired(might, count), not _paired(must, count)
+
+
+def _paired(table: list[list[bool]], count: int) -> bool:
+    """`Pairs`, of the truths of its cells."""
+    return sum(map(any, table)) >= count and sum(map(any, zip(*table, strict=True))) >= count
 
 
 def literals(formula: Formula) -> Iterator[Literal]:

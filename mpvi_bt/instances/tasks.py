@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from mpvi_bt.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.goals.problem import BddlProblem, activities, load_problem
 from mpvi_bt.house.house import House, load_house
 from mpvi_bt.house.start_facts import asked_for, with_all
+from mpvi_bt.instances.feasible import why_impossible
 from mpvi_bt.instances.human import human_stats
 from mpvi_bt.instances.words import known_words
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
@@ -137,16 +139,36 @@ def _check_playable(task: Task, problem: BddlProblem, marks: Marks) -> list[Prob
     house = _house(path, path.stat().st_mtime_ns, load_catalogue())
     what = "no start can be drawn"
     try:
-        asked_for(house, with_all(problem, house))
+        whole = with_all(problem, house)
+        fixtures, _ = asked_for(house, whole)
         what = "the goal cannot be judged"
         for literal in literals(problem.goal):
             check_known(literal)
             if literal.predicate in OF_HEAT:
                 _check_heat(literal, task, problem)
         _check_made(task, problem)
+        what = "the goal cannot be met"
+        _check_shapes(task, whole, house, fixtures)
     except UserError as error:
         return [marks.problem(("problem",), "unplayable", f"{what}: {error}")]
     return []
+
+
+def _check_shapes(task: Task, problem: BddlProblem, house: House, fixtures: Mapping[str, str]) -> None:
+    """Raise UserError where the shapes of the things that there are, or that come of them, never let the goal be met.
+
+    Args:
+        task: With its bindings.
+        problem: With its wildcards written out.
+        house: Of the task.
+        fixtures: BDDL name of each fixture to its name in the house; floors among them.
+    """
+    catalogue = load_catalogue()
+    bound = {name: catalogue.entries.get(task.bindings.get(problem.objects[name], "")) for name in problem.bound}
+    there = {name: entry for name, entry in bound.items() if entry is not None}
+    standing = {name: house.fixtures[own].entry for name, own in fixtures.items() if own in house.fixtures}
+    if cause := why_impossible(problem.goal, {**future(catalogue, there), **there, **standing}):
+        raise UserError(cause)
 
 
 def _check_heat(literal: Literal, task: Task, problem: BddlProblem) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -160,7 +161,10 @@ def _merged(files: tuple[tuple[Path, int], ...]) -> Catalogue:
 
 def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     """As `load_catalogue`, of data that is already loaded."""
-    file = validate_data(data, marks, CatalogueFile)
+    try:
+        file = validate_data(data, marks, CatalogueFile)
+    except FileProblems as found:
+        raise FileProblems([_said_where(problem, data, marks) for problem in found.problems]) from None
     problems: list[Problem] = []
     entries: dict[str, CatalogueEntry] = {}
     for name, given in file.entries.items():
@@ -184,6 +188,22 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     if problems:
         raise FileProblems(problems)
     return Catalogue(entries)
+
+
+def _said_where(problem: Problem, data: Any, marks: Marks) -> Problem:
+    """Of an entry's key that is a parameter of shapes, and so unknown where it stands: where it belongs."""
+    if problem.code != "unknown-key" or problem.pointer.count("/") != 3:
+        return problem
+    _, _, name, key = problem.pointer.split("/")
+    given = data["entries"].get(name, {}).get("family")
+    whose = [family for family in FAMILIES if key in parameters(family).model_fields]
+    if given in whose:
+        return replace(problem, message=f"{key!r} belongs under `shape:`, with the other parameters of {given!r}")
+    if whose:
+        several = ", ".join(whose[:5]) + (", ..." if len(whose) > 5 else "")
+        about = f"no parameter of {given!r}" if given in FAMILIES else "no key of an entry"
+        return replace(problem, message=f"{key!r} is {about}; under `shape:` these families take it: {several}")
+    return problem
 
 
 def _tool_problems(entry: CatalogueEntry, place: Location, marks: Marks) -> Iterator[Problem]:
@@ -257,7 +277,13 @@ def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[st
     try:
         validate_data(dict(shape), marks, parameters(family), place)
     except FileProblems as found:
-        return list(found.problems)
+        fields = [f"/{name}" for name in EntryFile.model_fields]
+        return [
+            replace(p, message=f"{p.pointer.rsplit('/', 1)[-1]!r} belongs beside `shape:`, not under it")
+            if p.code == "unknown-key" and p.pointer.endswith(tuple(fields))
+            else p
+            for p in found.problems
+        ]
     try:
         description = describe(family, shape)
     except UserError as error:  # of a mesh

@@ -184,12 +184,19 @@ class Description:
             T: None: the root body's own frame.
             openings: Body to the opening of its joint, 0 to 1; all others are closed.
         """
+        frames = self.frames(openings or {})
         for body in self.bodies:
-            position = (openings or {}).get(body.name, 0.0) * (body.joint.limit if body.joint else 0.0)
-            frame = body.frame(position) if T is None else matmul(T, body.frame(position))
+            frame = frames[body.name] if T is None else matmul(T, frames[body.name])
             for part in body.parts:
                 if part.collides:
                     yield part.solid.moved(frame)
+
+    def frames(self, openings: Mapping[str, float]) -> dict[str, Array]:
+        """(4, 4) each body to the root body, by name. `openings`: as of `solids`."""
+        return {
+            body.name: body.frame(openings.get(body.name, 0.0) * (body.joint.limit if body.joint else 0.0))
+            for body in self.bodies
+        }
 
     def extent(self, T: Array | None = None, visible: bool = False) -> Array:
         """(2, 3) lowest and highest corner around it; with `visible`, also around what does not collide."""

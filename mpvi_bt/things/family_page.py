@@ -23,8 +23,9 @@ _HEAD = """\
 # Families of shapes
 
 A thing of the [catalogue](../tasks/catalogues/objects.yaml) has the shape of a family, made from its parameters; what
-stands behind `=` may be left out. Lengths are in metres, colors are written `"#c8202c"`. What things of
-[your own](own_tasks.md) look like, `mpvi show NAME --out FILE.png` draws. This page is written by
+stands behind `=` may be left out. Lengths are in metres, colors are written `"#c8202c"`. Of sizes `[x, y, z]` x is the
+depth (front to back), y the width and z the height. What things of [your own](own_tasks.md) look like,
+`mpvi show NAME --out FILE.png` draws. This page is written by
 `mpvi show --page docs/families.md`.
 
 | | family | parameters |
