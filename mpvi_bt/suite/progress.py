@@ -42,8 +42,8 @@ class SuiteProgress:
             self._count(config, result)
         kept = f", {len(results)} already there" if results else ""
         processes = f" in {min(workers, len(todo))} worker processes" if todo and workers else ""
-        left = self.pace.left_s(todo, {}, min(workers, len(todo)) or 1) if todo else 0.0
-        takes = f", about {duration(left)}" if left else ""
+        left_s = self.pace.left_s(todo, {}, min(workers, len(todo)) or 1) if todo else None
+        takes = f", {span(*left_s)}" if left_s else ""
         self._print(f"{self.total} episodes{kept}, {len(todo)} to run{processes}{takes}")
 
     def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
@@ -98,7 +98,7 @@ class SuiteProgress:
         self._clear()
 
     def summary(self) -> str:
-        """Such as "4/10 done, about 2 min left, mean q 0.75, 3 reached the goal, 2 running"."""
+        """Such as "4/10 done, 2 to 5 min left, mean q 0.75, 3 reached the goal, 2 running"."""
         mean = sum(self.q) / len(self.q) if self.q else None
         now = time.monotonic()
         running = {c: now - then for c, (_, then) in self.running.items()}
@@ -132,7 +132,7 @@ def standing(
     succeeded: int,
     mean_q: float | None,
     faults: Mapping[str, int],
-    left_s: float | None = None,
+    left_s: tuple[float, float] | None = None,
 ) -> str:
     """How far a suite is: q and who reached the goal apart from what broke, which says nothing of any policy.
 
@@ -141,19 +141,20 @@ def standing(
         succeeded: Of those done, that reached the whole goal.
         mean_q: Over those done.
         faults: How many episodes broke, by kind.
-        left_s: Wall time until all are through; None: it is not told.
+        left_s: Wall time until all are through, from and to; None: it is not told.
     """
     parts = [f"{done}/{total} done"]
-    parts += [f"about {duration(left_s)} left"] if left_s is not None else []
+    parts += [f"{span(*left_s)} left"] if left_s is not None else []
     if mean_q is not None:
         parts += [f"mean q {mean_q:.2f}", f"{succeeded} reached the goal"]
     parts += [f"{number} {kind}{'s' * (number > 1)}" for kind, number in faults.items() if number]
     return ", ".join(parts)
 
 
-def at_work_text(worker: int, episode: str, since_s: float, expected_s: float) -> str:
-    """Such as "  worker 1: picking_up_trash_0_0, 12 s of about 40 s"."""
-    return f"  worker {worker}: {episode}, {duration(since_s)} of about {duration(expected_s)}"
+def at_work_text(worker: int, episode: str, since_s: float, expected_s: float | None) -> str:
+    """Such as "  worker 1: picking_up_trash_0_0, 12 s of about 40 s"; before any episode ran only the first time."""
+    of = "" if expected_s is None else f" of about {duration(expected_s)}"
+    return f"  worker {worker}: {episode}, {duration(since_s)}{of}"
 
 
 def _name(config: EpisodeConfig) -> str:
@@ -167,3 +168,12 @@ def duration(seconds: float) -> str:
     if seconds < 5400:
         return f"{seconds / 60:.0f} min"
     return f"{seconds / 3600:.1f} h"
+
+
+def span(low_s: float, high_s: float) -> str:
+    """From and to, such as "2 to 5 min", "40 s to 3 min", or "about 2 min"."""
+    low, high = duration(low_s), duration(high_s)
+    if low == high:
+        return f"about {low}"
+    number, _, unit = low.partition(" ")
+    return f"{number if high.endswith(f' {unit}') else low} to {high}"

@@ -15,8 +15,8 @@ from mpvi_bt.suite.store import Store
 
 def under_way(
     store: Store, episodes: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result]
-) -> tuple[list[dict[str, Any]], float]:
-    """What each worker of the run is at, and the wall time [s] that is left of all."""
+) -> tuple[list[dict[str, Any]], tuple[float, float] | None]:
+    """What each worker of the run is at, and the wall time [s] that is left of all, from and to, if that is known."""
     budget_s = budgets_s(episodes)
     pace = Pace(budget_s)
     for config, result in results.items():

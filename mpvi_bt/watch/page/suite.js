@@ -25,6 +25,14 @@ function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
+// From and to, as the command line has it: "2 to 5 min", "40 s to 3 min", or "about 2 min".
+function span([low_s, high_s]) {
+  const [low, high] = [duration(low_s), duration(high_s)];
+  if (low === high) return `about ${low}`;
+  const [number, unit] = low.split(" ");
+  return `${high.endsWith(` ${unit}`) ? number : low} to ${high}`;
+}
+
 // Mean of q with its interval, as the reports write it, and how many episodes it is of. One episode has no interval.
 function score(group) {
   if (!group) return [make("td", "", "number")];
@@ -44,7 +52,7 @@ function draw(data) {
   document.title = `${data.done}/${data.total} ${data.suite}`;
   $("name").textContent = data.suite;
   const said = [`${data.done} of ${data.total} episodes done`];
-  if (data.left_s !== null) said.push(`about ${duration(data.left_s)} left`);
+  if (data.left_s !== null) said.push(`${span(data.left_s)} left`);
   if (data.mean_q !== null) said.push(`mean q ${data.mean_q.toFixed(3)}`, `${data.succeeded} reached the goal`);
   if (!data.running) said.push(data.done === data.total ? "finished" : "no run is at work");
   $("standing").textContent = said.join(", ");
@@ -55,7 +63,7 @@ function draw(data) {
   fill("at-work", data.at_work.map((work) =>
     make("tr", "", "", [
       make("td", `worker ${work.worker}`), make("td", "", "", [link(work.episode, work.link)]),
-      make("td", `${duration(work.since_s)} of about ${duration(work.expected_s)}`, "number"),
+      make("td", duration(work.since_s) + (work.expected_s === null ? "" : ` of about ${duration(work.expected_s)}`), "number"),
     ]),
   ));
   const tasks = [...new Set(data.methods.flatMap((method) => Object.keys(method.tasks)))];
