@@ -221,6 +221,21 @@ def test_a_plan_of_any_length_fits_its_card() -> None:
     assert (inner == card[0, 0]).all()
 
 
+@pytest.mark.parametrize("met", [True, False, None])
+def test_only_films_of_failures_are_kept(tmp_path: Path, met: bool | None) -> None:
+    """Where the goal is met neither film nor poster is left, of an earlier attempt neither; else both are."""
+    file = tmp_path / "episode.mp4"
+    file.with_suffix(".poster.jpg").write_bytes(b"of an earlier attempt")
+    video, world = Video(file, frames_per_s=2, only_failures=True), VisibleWorld()
+    tree = Tree(WAITING)
+    video.start(tree, world)
+    video.step(tree, world)
+    goal = None if met is None else GoalReport(met, float(met), float(met), (GoalCondition("a is in b", met),))
+    video.end(Outcome("success" if met else "interrupted", goal=goal))
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ([] if met else ["episode.mp4", "episode.poster.jpg"])
+    assert met or len(frames(file)) >= 2
+
+
 def test_after_ctrl_c_the_video_plays(tmp_path: Path) -> None:
     """The index is written, without which no player opens the file."""
     file = tmp_path / "episode.mp4"

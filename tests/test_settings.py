@@ -50,7 +50,16 @@ def test_every_field_is_kept_with_what_can_change_the_outcome_or_is_an_output_or
     """A new field is recorded, unless its group says that it cannot matter; every group's fields are an episode's."""
     assert sorted((*RECORDED, *OUTPUTS, *ASKING)) == sorted(FIELDS)
     assert set(SETTINGS) < set(FIELDS)
-    decided = {"task", "method", "arguments", "suite_budget", "trace", "saved", "planned"}  # by arguments and folders
+    decided = {
+        "task",
+        "method",
+        "arguments",
+        "suite_budget",
+        "trace",
+        "saved",
+        "planned",
+        "only_failures",
+    }  # by arguments and folders
     assert set(FIELDS) - set(SETTINGS) == decided
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 import pytest
 
-from mpvi_bt.choices.config import ONE_EPISODES, SETTINGS
+from mpvi_bt.choices.config import ONE_EPISODES, SETTINGS, EpisodeConfig
 from mpvi_bt.cli.run import run
 from mpvi_bt.cli.suite import suite
+from mpvi_bt.suite.play import Kept
 
 ONLY_RUN = {
     "task": "a suite's file lists tasks; there --task chooses among them",
@@ -67,3 +70,13 @@ def test_the_robot_of_a_suite_is_chosen_by_an_option(words: list[str]) -> None:
     context = suite.commands["run"].make_context("run", ["smoke", *words])
     assert context.params["robot"] == "r1pro"
     assert context.get_parameter_source("robot") is click.core.ParameterSource.COMMANDLINE
+
+
+@pytest.mark.parametrize(("words", "video"), [([], None), (["--video"], "all"), (["--video", "failures"], "failures")])
+def test_a_suite_films_all_episodes_or_those_that_fail(words: list[str], video: str | None) -> None:
+    """What is said behind the option tells every episode what becomes of its film."""
+    given = suite.commands["run"].make_context("run", ["smoke", *words]).params["video"]
+    config = Kept(video=given).of(EpisodeConfig("t"), Path("out"))
+    assert given == video
+    assert config.video == (None if video is None else Path("out/videos/t_0_0.mp4"))
+    assert config.only_failures == (video == "failures")

@@ -212,6 +212,7 @@ class OutputSettings:
         trace: File of what happens tick by tick.
         saved: File of how it stands if it is stopped.
         planned: File of the plan that a language model makes; its last answer, where it makes none, goes beside it.
+        only_failures: Whether the film is deleted where the goal is met.
     """
 
     video: Path | None = setting(None, "Film the episode, as mp4.", "FILE")
@@ -225,6 +226,7 @@ class OutputSettings:
     trace: Path | None = None
     saved: Path | None = None
     planned: Path | None = None
+    only_failures: bool = False
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,15 @@ def _named(command: Any) -> Any:
 )
 @click.option("--episode", default=EPISODE, hidden=True, help="module:function that runs one episode, for tests.")
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened in every episode.")
-@click.option("--video/--no-video", default=False, help="Film every episode.")
+@click.option(
+    "--video",
+    type=click.Choice(["all", "failures"]),
+    is_flag=False,
+    flag_value="all",
+    default=None,
+    metavar="[all|failures]",
+    help="Film every episode; failures: delete the films of those that reach their goal.",
+)
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
 @click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
 @settings("demonstration_fps")
@@ -116,7 +124,7 @@ def run(
     ray_address: str | None,
     episode: str,
     trace: bool,
-    video: bool,
+    video: Literal["all", "failures"] | None,
     picture: bool,
     demonstrations: bool,
     demonstration_fps: int,

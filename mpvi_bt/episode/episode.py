@@ -206,7 +206,7 @@ def _recorders(
         recorders.append(Recorder(config.trace, config.record(), config.seed, saved.run if saved else None))
     if config.video is not None:
         parts = ", ".join(f"{kind} {name}" for kind, name in config.backends.items())
-        recorders.append(Video(config.video, config.name, parts, search=search))
+        recorders.append(Video(config.video, config.name, parts, search=search, only_failures=config.only_failures))
     if config.rerun is not None:
         recorders.append(RerunLog(config.rerun, grid, config.name, search))
     if config.picture is not None:

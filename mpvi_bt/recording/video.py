@@ -72,6 +72,7 @@ class Video(Watcher):
             while the robot only drives, twice as fast again. Each frame tells it.
         viewpoint: T_world_camera (4, 4), optical frame, for a base pose (3,); None: a camera that follows the robot.
         search: Where the robot searches: frames show its map, too, and what was detected in the head's picture.
+        only_failures: Whether the film is deleted where the goal is met.
     """
 
     def __init__(
@@ -83,7 +84,9 @@ class Video(Watcher):
         speed: float = 2.0,
         viewpoint: Callable[[Array], Array] | None = None,
         search: SearchView | None = None,
+        only_failures: bool = False,
     ) -> None:
+        self._only_failures = only_failures
         self._file, self._title, self._about, self._viewpoint = Path(file), title, about, viewpoint
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._fps, self._speed = CONTROL_HZ / self._every * speed, speed
@@ -132,8 +135,9 @@ class Video(Watcher):
         """Show the last state for a second, if it can be drawn, then how the goal stands, and close the file."""
         if self._writer is None or self._last is None:
             return
+        deleted = self._only_failures and outcome.goal is not None and outcome.goal.satisfied
         try:
-            if outcome.ending != "error":
+            if outcome.ending != "error" and not deleted:
                 spec = self._last[0].spec
                 told = outcome.told(spec)
                 for _ in range(round(self._fps * _LAST_S)):
@@ -142,7 +146,15 @@ class Video(Watcher):
         finally:
             writer, self._writer = self._writer, None
             writer.close()  # waits for ffmpeg to write the index, without which the file does not play
-            self._write_poster()
+            if deleted:
+                for file in (self._file, self._poster):
+                    file.unlink(missing_ok=True)
+            else:
+                self._write_poster()
+
+    @property
+    def _poster(self) -> Path:
+        return self._file.with_suffix(".poster.jpg")
 
     def _write_poster(self) -> None:
         if self._frame is None:
@@ -152,7 +164,7 @@ class Video(Watcher):
         ok, data = cv2.imencode(".jpg", self._frame[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _POSTER_QUALITY])
         with contextlib.suppress(OSError):  # the film is there
             if ok:
-                self._file.with_suffix(".poster.jpg").write_bytes(data.tobytes())
+                self._poster.write_bytes(data.tobytes())
 
     def _send(self, tree: Tree, world: World, status: Sequence[str], at: str = "") -> None:
         if self._writer is None:

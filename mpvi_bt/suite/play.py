@@ -43,13 +43,14 @@ class Kept:
     """What is written of every episode, besides its result.
 
     Attributes:
-        trace, video, picture, demonstrations: Whether these are.
+        trace, picture, demonstrations: Whether these are.
+        video: Films of all, or of those that miss their goal; None: of none.
         demonstration_fps: Rows and pictures of a demonstration a second.
         planned: Whether plans are, that language models make.
     """
 
     trace: bool = True
-    video: bool = False
+    video: Literal["all", "failures"] | None = None
     picture: bool = False
     demonstrations: bool = False
     demonstration_fps: int = 10
@@ -59,12 +60,13 @@ class Kept:
         """The episode, with these written in a folder."""
         places = {
             "trace": (self.trace, "traces", ".jsonl"),
-            "video": (self.video, "videos", ".mp4"),
+            "video": (self.video is not None, "videos", ".mp4"),
             "picture": (self.picture, "pictures", ".png"),
             "demonstration": (self.demonstrations, "demonstrations", ""),
             "planned": (self.planned, "plans", ".json"),
         }
-        kept: dict[str, Any] = {"demonstration_fps": self.demonstration_fps} | {
+        told = {"demonstration_fps": self.demonstration_fps, "only_failures": self.video == "failures"}
+        kept: dict[str, Any] = told | {
             field: folder / below / f"{config.name}{suffix}"
             for field, (wanted, below, suffix) in places.items()
             if wanted

@@ -12,8 +12,8 @@ from types import MappingProxyType
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.instances.tasks import load_task
 
-# Of the range of the time left. Our choice: nine of ten suites should end in it. Of made-up ones at least four of five do
-# (tests/test_progress.py), as long as the machine's other work stays as it is.
+# Of the range of the time left. Our choice: nine of ten suites should end in it, and of made-up ones at least four of
+# five do (tests/test_progress.py), as long as the machine's other work stays as it is.
 _SURE = 1.64  # standard deviations
 _FIRST = 0.8  # of the logarithm of wall time over what was expected, while little is known; counts as one episode
 Kind = tuple[str | None, str]  # method and task: episodes that take about as long
@@ -113,8 +113,10 @@ class Pace:
         return max(free)
 
     def _factor(self, in_a_row: float) -> float:
-        """By how much so many episodes, one after the other, may take longer or shorter than expected: by as much as
-        others did, of which the mean is surer than one."""
+        """By how much so many episodes, one after the other, may take longer or shorter than expected.
+
+        By as much as earlier ones did; the mean of several is surer than one.
+        """
         ran = sum(map(len, self._walls.values()))
         spread = math.sqrt(sum(error**2 for error in self._errors) / len(self._errors))
         return math.exp(_SURE * spread * math.sqrt(1 / max(in_a_row, 1) + 1 / ran))
