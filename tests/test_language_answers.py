@@ -12,9 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.language.json_answer import MOST_CHARACTERS, parse_json
+from mpvi_bt.language.thinking import spoken
 
 PLAN = {"task": "t", "segments": [{"say": 'a "quoted" {brace}', "n": 1.5}, {"say": None}]}
 TEXT = json.dumps(PLAN, indent=1)
+
+
+def never(found: dict[str, Any]) -> bool:
+    """No form is asked for, so the longest object is meant."""
+    return False
 
 
 @pytest.mark.parametrize(
@@ -25,19 +31,18 @@ TEXT = json.dumps(PLAN, indent=1)
         f"Sure! Here is the plan for {{room}}:\n\n```\n{TEXT}\n```\nIs there anything else?",
         f'<think>maybe {{"task": "x"}}?</think>{TEXT}',
         f"\ufeff  {TEXT}  }}",
-        f'{{"task": oops {TEXT}',
     ],
 )
 def test_an_object_is_found_amid_chatter(answer: str) -> None:
     """Fenced, thought over, beside smaller ones, or as it is."""
-    assert parse_json(answer) == PLAN
+    assert parse_json(answer, never) == PLAN
 
 
 @pytest.mark.parametrize("cut", range(1, len(TEXT)))
 def test_what_is_cut_off_is_no_answer(cut: int) -> None:
     """Nor is a part of it taken for the whole."""
     with pytest.raises(ValueError, match=r"."):
-        parse_json(TEXT[:cut])
+        parse_json(TEXT[:cut], never)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +71,7 @@ def test_what_is_no_plain_json_is_told(answer: str, why: str) -> None:
     """As a ValueError that says what is wrong, soon."""
     began = time.monotonic()
     with pytest.raises(ValueError, match=why):
-        parse_json(answer)
+        parse_json(answer, never)
     assert time.monotonic() - began < 10.0
 
 
@@ -81,13 +86,13 @@ values = st.recursive(
 def test_every_object_is_read_back(data: dict[str, Any], ascii_only: bool) -> None:
     """As it was written, fenced or not."""
     text = json.dumps(data, ensure_ascii=ascii_only)
-    assert parse_json(f"```json\n{text}\n```") == data
+    assert parse_json(f"```json\n{text}\n```", never) == data
 
 
 @given(st.text(alphabet='{}[]":,\\ \nae19-.\u2028"NI', max_size=60) | st.text(max_size=60))
 def test_any_text_is_an_object_or_a_value_error(text: str) -> None:
     """Nothing else comes of it."""
-    for fits in (None, lambda found: "a" in found):
+    for fits in (never, lambda found: "a" in found):
         with contextlib.suppress(ValueError):
             assert isinstance(parse_json(text, fits), dict)
 
@@ -185,6 +190,88 @@ def test_what_fits_none_is_the_longest() -> None:
     assert parse_json('{"segments": 1, "b": 22} {"a": 1}', is_answer) == {"segments": 1, "b": 22}
     with pytest.raises(ValueError, match="Expecting"):
         parse_json('{"a": 1} {"segments": [1, 2, 3,, 4]}', is_answer)
+
+
+SEGMENT = {"type": "navigation", "description": "go to the {fridge}, then wait for the door to be opened by hand"}
+WHOLE = json.dumps({"name": "t", "segments": [SEGMENT] * 4}, indent=1)
+AROUND = [
+    ("", ""),
+    ("Sure, for {room}:\n```json\n", "\n```\nAsk me for {more}."),
+    ('Such as {"a": 1}: ', ' or {"a": [2]}'),
+]
+EARLY = [  # what is broken before the first segment, and what is expected in its place
+    ('"name": "t",', '"name": "t"', "Expecting ',' delimiter"),
+    ('"name": "t",', '"name" "t",', "Expecting ':' delimiter"),
+    ('"name": "t",', "name: t,", "Expecting property name"),
+    ('"name": "t",', "// the plan\n", "Expecting property name"),
+    ('"name": "t",', '"name": "the "new" one",', "Expecting ',' delimiter"),
+    ('"name": "t",', '"name": "t,', "control character"),
+    ('"name": "t",', '"name": None,', "Expecting value"),
+    ('"segments": [', '"segments": [,', "Expecting value"),
+    ('"segments": [', '"segments": ["no" ', "Expecting ',' delimiter"),
+]
+
+
+@pytest.mark.parametrize(("was", "broken", "expected"), EARLY)
+@pytest.mark.parametrize("cut", [0, 200])
+@pytest.mark.parametrize(("begin", "end"), AROUND)
+def test_a_broken_object_outranks_the_whole_ones_inside_it(
+    was: str, broken: str, expected: str, cut: int, begin: str, end: str
+) -> None:
+    """However early it breaks, and cut off or not: it is told, never a part of it that happens to be whole."""
+    text = WHOLE.replace(was, broken, 1)
+    with pytest.raises(ValueError, match=expected) as error:
+        parse_json(begin + (text[:-cut] if cut else text + end), is_answer)
+    with pytest.raises(json.JSONDecodeError) as alone:
+        json.loads(text[: -cut or None])
+    line = begin.count("\n") + alone.value.lineno
+    column = alone.value.colno + (len(begin) if line == 1 else 0)
+    assert str(error.value).startswith(f"line {line}, column {column}: ")
+
+
+def test_the_place_of_a_fault_is_that_in_what_the_model_is_shown() -> None:
+    """Thinking is not shown to it again, so it does not count; what is there is quoted."""
+    thought = '<think>\nperhaps {"segments": [1]}\n</think>\n\n'
+    for before in ("", thought, f"Well.\n{thought}"):
+        with pytest.raises(ValueError, match="line") as error:
+            parse_json(f'{before}{{\n "segments" [1]}}', is_answer)
+        line = 1 + len(spoken(before + "{").split("\n"))
+        assert str(error.value) == f"line {line}, column 13: Expecting ':' delimiter, before '[1]}}'"
+
+
+def test_the_end_of_what_is_cut_off_is_told() -> None:
+    """With what was still expected there, in a fence or not."""
+    for end in ("", "\n```", "  \n"):
+        with pytest.raises(ValueError, match=r"line \d, column \d+, where it ends: Expecting ',' delimiter"):
+            parse_json(f'{{"segments": [{{"a": 1}}, {{"b": 2}}{end}', is_answer)
+
+
+@pytest.mark.parametrize(
+    "text", ['[{"a": 1}, {"a": 22}]', '```json\n[\n {"a": 1}\n]\n```', 'Sure: [{"a": [{}]}, {"b": 2}].']
+)
+def test_a_list_is_no_answer(text: str) -> None:
+    """Nor is one of its objects, whole or not the list."""
+    with pytest.raises(ValueError, match="it is a list, where one object is due"):
+        parse_json(text, is_answer)
+    with pytest.raises(ValueError, match=r"line \d+, column \d+"):
+        parse_json(text.replace("}", "},", 1).replace(",,", ", ,"), is_answer)
+
+
+def test_a_later_try_that_breaks_takes_the_earlier_one_back() -> None:
+    """A draft is no answer where the model began another one behind it; a fragment of something else is none."""
+    draft = json.dumps({"name": "t", "segments": [1]})
+    for broken in ('{"name": "t" "segments": [2]}', '{ "segments": [2', "{name: t}"):
+        with pytest.raises(ValueError, match="line 2"):
+            parse_json(f"{draft}\n{broken}", is_answer)
+        assert parse_json(f"{broken}\n{draft}", is_answer) == json.loads(draft)
+    for other in ('{"type": ..., "target": ...}', "{room}", "{...}", '{"name": "t", "segments": 3}'):
+        assert parse_json(f"{draft}\n{other}", is_answer) == json.loads(draft)
+
+
+@pytest.mark.parametrize("wrapped", ["\\boxed{%s}", "{%s}", "{{%s}}", '{"task": oops %s', "{plan: %s"])
+def test_an_answer_within_something_broken_is_an_answer(wrapped: str) -> None:
+    """If it fits as a whole: what is around it says nothing that was asked for."""
+    assert parse_json(wrapped % json.dumps(ANSWER), is_answer) == ANSWER
 
 
 @pytest.mark.parametrize(

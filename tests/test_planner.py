@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -143,6 +144,27 @@ def test_everything_wrong_is_sent_back_at_once() -> None:
     assert "/segments/0/room: unknown room 'attic'" in third[-1].text
     assert "/segments/4/completion_criterion" in third[-1].text
     assert "[action-like-criterion]" in third[-1].text
+
+
+@pytest.mark.parametrize(
+    ("was", "early"),
+    [
+        ('", "segments"', '" "segments"'),  # no comma
+        ('"task_name": ', '"task_name" '),  # no colon
+        ('{"task_name": ', "{task_name: "),  # no quotation marks
+        ('{"task_name"', '{ // the plan\n"task_name"'),
+        ('"segments": [', '"segments": ,['),
+    ],
+)
+@pytest.mark.parametrize("around", ["%s", "Here it is:\n```json\n%s\n```\nShall I go on?", "%.1500s"])
+def test_a_plan_that_breaks_early_is_told_of_its_break(was: str, early: str, around: str) -> None:
+    """The model is told line and column, is not told of keys that a segment lacks, and pays for one repair."""
+    asked, model = planner(around % GOOD.replace(was, early, 1), GOOD)
+    assert asked.plan("picking_up_trash", TRASH.instruction) == TRASH
+    assert len(model.asked) == 2
+    told = model.asked[1][0][-1].text
+    assert re.search(r"the answer cannot be read as a JSON object: line \d, column \d+: Expecting .*, before '", told)
+    assert "missing" not in told
 
 
 def test_a_warning_is_sent_back_once_and_then_taken() -> None:

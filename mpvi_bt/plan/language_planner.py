@@ -133,7 +133,7 @@ def read_answer(text: str) -> tuple[Any, list[Problem]]:
     try:
         data = parse_json(text, _is_plan)
     except ValueError as error:
-        return None, [Problem("answer", 0, 0, "syntax", f"there is no JSON object in the answer: {error}")]
+        return None, [Problem("answer", 0, 0, "syntax", f"the answer cannot be read as a JSON object: {error}")]
     segments = data.get("segments") if isinstance(data, dict) else None
     if isinstance(segments, list):
         data = {**data, "segments": [read_segment(segment) for segment in segments]}
