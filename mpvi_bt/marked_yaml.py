@@ -51,6 +51,7 @@ __all__ = [
     "plain_scalar",
     "pointer",
     "problems_of",
+    "read_bytes",
     "read_text",
     "validate",
     "validate_data",
@@ -85,6 +86,18 @@ def load_marked(path: str | Path) -> tuple[Any, Marks]:
 
 def read_text(path: str | Path) -> str:
     """The text of a file, whatever ends its lines there. Raises as `load_marked`."""
+    content = read_bytes(path)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start].decode("utf-8", "replace")
+        message = f"not UTF-8 text ({error.reason}: byte {content[error.start]:#04x})"
+        raise FileProblems([Problem(str(path), *place_in(before, len(before)), "encoding", message)]) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """What a file holds. Raises UserError if it cannot be read, FileProblems if it is larger than `MAX_BYTES`."""
     try:
         with Path(path).open("rb") as file:
             content = file.read(MAX_BYTES + 1)
@@ -93,13 +106,7 @@ def read_text(path: str | Path) -> str:
         raise UserError(f"{path}: {reason.lower()}") from None
     if len(content) > MAX_BYTES:
         raise FileProblems([Problem(str(path), 0, 0, "too-large", f"larger than {MAX_BYTES >> 20} MiB")])
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = content[: error.start].decode("utf-8", "replace")
-        message = f"not UTF-8 text ({error.reason}: byte {content[error.start]:#04x})"
-        raise FileProblems([Problem(str(path), *place_in(before, len(before)), "encoding", message)]) from None
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return content
 
 
 def parse_marked(text: str, name: str) -> tuple[Any, Marks]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.btcpp.marked_xml import Element
-from mpvi_bt.errors import Problem, shown
+from mpvi_bt.errors import Problem, UnknownName, shown
 
 EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
 _TREE_ID = "letters, digits, '_' and '-'"
@@ -63,8 +63,12 @@ class XmlFile:
         """Note a name that is not known."""
         self.problems.append(Problem.unknown(self.name, place_of(element, attribute), what, given, known))
 
-    def trees_of(self, root: Element) -> str | None:
-        """Fill in `trees`, and give the ID of the main one."""
+    def trees_of(self, root: Element, main: str | None = None) -> str | None:
+        """Fill in `trees`, and give the ID of the one to run: `main`, or else what the file says, or the only one.
+
+        Raises:
+            UnknownName: There is no tree `main`.
+        """
         version = root.attributes.get("BTCPP_format")
         if root.tag != "root":
             self.problem(root, "no-btcpp", f"<{root.tag}>: a file of BehaviorTree.CPP begins with <root>")
@@ -82,18 +86,33 @@ class XmlFile:
                 self.problem(element, "include", "includes are not followed; put the trees into one file")
             elif element.tag != "TreeNodesModel":
                 self.unknown(element, "element", element.tag, ["BehaviorTree", "TreeNodesModel"])
-        main = root.attributes.get("main_tree_to_execute")
-        if not self.trees:
-            if not self.problems:
-                self.problem(root, "main-tree", "there is no <BehaviorTree>")
-            return None
-        if main is None and len(self.trees) == 1:
-            return next(iter(self.trees))
-        if main is None:
-            self.problem(root, "main-tree", f"{len(self.trees)} trees, and no main_tree_to_execute says which is run")
-        elif main not in self.trees:
-            self.unknown(root, "tree", main, list(self.trees), "main_tree_to_execute")
-        return main
+        if not self.trees and not self.problems:
+            self.problem(root, "main-tree", "there is no <BehaviorTree>")
+        return self._main(root, main) if self.trees else None
+
+    def _main(self, root: Element, main: str | None) -> str | None:
+        """The ID of the tree to run, or None with a problem."""
+        told = root.attributes.get("main_tree_to_execute")
+        if main is not None and main not in self.trees:
+            raise UnknownName("tree", main, self.trees, self.name)
+        if main is not None:
+            return main
+        if told is not None:
+            if told not in self.trees:
+                self.unknown(root, "tree", told, list(self.trees), "main_tree_to_execute")
+            return told
+        called = {name for own in self.trees for name in self._called(own) if name != own}
+        outermost = [own for own in self.trees if own not in called]
+        if len(outermost) == 1:
+            if len(self.trees) > 1:
+                message = f"no main_tree_to_execute: {outermost[0]!r} is taken, the only tree that no other calls"
+                self.warn(root, "main-tree", message)
+            return outermost[0]
+        which = f"{len(outermost)} that no other calls" if outermost else f"{len(self.trees)}, each called by another"
+        names = ", ".join(repr(own) for own in outermost or self.trees)
+        message = f"no main_tree_to_execute says which tree is run, and there are {which}: {names}. Give --main-tree"
+        self.problem(root, "main-tree", message)
+        return None
 
     def _tree(self, element: Element) -> None:
         name = element.attributes.get("ID", "")

@@ -43,15 +43,21 @@ class ImportedTrees:
     warnings: tuple[Problem, ...]
 
 
-def from_xml(text: str, name: str = "<xml>") -> ImportedTrees:
-    """The trees of a file's text. `name` stands for it in problems.
+def from_xml(text: str, name: str = "<xml>", main_tree: str | None = None) -> ImportedTrees:
+    """The trees of a file's text.
+
+    Args:
+        text: Of the file.
+        name: Stands for the file in problems.
+        main_tree: ID of the tree to run; None: what the file says, or the only one that no other calls.
 
     Raises:
+        UnknownName: There is no tree `main_tree`.
         FileProblems: Everything in it that has no equal here.
     """
     root = parse_xml(text, name)
     file = XmlFile(name)
-    main = file.trees_of(root)
+    main = file.trees_of(root, main_tree)
     for own in file.trees:
         tree = nav2.rewritten(file, own)
         file.trees[own] = replace(tree, children=[equivalents.rewritten(file, tree.children[0])])

@@ -13,7 +13,7 @@ from mpvi_bt import paths
 from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.terminal import give
 from mpvi_bt.errors import Problem, UserError
-from mpvi_bt.writing import write_whole
+from mpvi_bt.writing import unwritable, write_whole
 
 FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 
@@ -24,9 +24,12 @@ FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 @click.option(
     "--to", type=click.Choice(["xml", "yaml"]), help="Format to write. [default: by OUT, or the other one than TREE's]"
 )
+@click.option(
+    "--main-tree", metavar="ID", help="From XML: tree to run. [default: main_tree_to_execute, or the outermost]"
+)
 @click.option("--force", is_flag=True, help="Overwrite existing files that differ.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the text and the warnings.")
-def convert(tree: str, out: str | None, to: str | None, force: bool, as_json: bool) -> None:
+def convert(tree: str, out: str | None, to: str | None, main_tree: str | None, force: bool, as_json: bool) -> None:
     """Turn a tree into XML of BehaviorTree.CPP 4, which Groot2 opens, or such XML into a tree.
 
     TREE is a file, or the name of a tree. Without OUT the text is shown. From XML, the trees of its SubTrees are
@@ -34,7 +37,9 @@ def convert(tree: str, out: str | None, to: str | None, force: bool, as_json: bo
     already with another text is written over only with --force.
     """
     target = _target(tree, out, to)
-    texts, warnings = _to_xml(tree) if target == "xml" else _to_yaml(tree)
+    if main_tree is not None and target == "xml":
+        raise UserError("--main-tree names a tree of an XML file; a tree of ours has one.")
+    texts, warnings = _to_xml(tree) if target == "xml" else _to_yaml(tree, main_tree)
     main, beside = texts[""], {name: text for name, text in texts.items() if name}
     files: list[str] = []
     if out is not None:
@@ -74,12 +79,12 @@ def _to_xml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
     return {"": made.xml}, made.warnings
 
 
-def _to_yaml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
+def _to_yaml(tree: str, main_tree: str | None) -> tuple[dict[str, str], Sequence[Problem]]:
+    from mpvi_bt.btcpp.encoding import read_xml
     from mpvi_bt.btcpp.importing import from_xml
-    from mpvi_bt.marked_yaml import read_text
     from mpvi_bt.tree.yaml_io import dump_tree
 
-    made = from_xml(read_text(tree), tree)
+    made = from_xml(read_xml(tree), tree, main_tree)
     trees = {"": made.main, **made.subtrees}
     return {name: dump_tree(spec) for name, spec in trees.items()}, made.warnings
 
@@ -96,6 +101,10 @@ def _write(out: Path, main: str, beside: Mapping[str, str], force: bool) -> list
         if not force and file.is_file() and file.read_bytes() != text.encode():
             why = "" if file == out else ", and a subtree needs that name"
             raise UserError(f"{file}: is there already with another text{why}. Write elsewhere, or give --force.")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(out.parent, error) from None
     for file, text in files.items():
         write_whole(file, text)
     return [str(file) for file in files]
