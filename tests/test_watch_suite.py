@@ -99,7 +99,7 @@ def test_the_last_result_is_shown_though_it_came_while_the_folder_was_read(
         store.write(config, fake_result(config))
     suite, reading, over = WatchedSuite(tmp_path), threading.Event(), threading.Event()
 
-    def slow(*which: Any) -> tuple[list[dict[str, Any]], float]:
+    def slow(*which: Any) -> tuple[list[dict[str, Any]], tuple[float, float] | None]:
         told = under_way(*which)
         reading.set()
         over.wait(1)  # longer than the end of the run takes, if it does not wait

@@ -139,6 +139,25 @@ class At(click.ParamType[Address]):
         return value if isinstance(value, Address) else Address.parse(value)
 
 
+class Columns(click.ParamType[tuple[str, ...]]):
+    """Names of columns of a report, with commas between them."""
+
+    name = "columns"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        """The names. Raises UserError where there is none such."""
+        from mpvi_bt.report.chosen_columns import read_columns
+
+        return read_columns(value)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Names that begin with what is typed last, behind those that are there."""
+        from mpvi_bt.report.chosen_columns import KNOWN
+
+        before, comma, _ = incomplete.rpartition(",")
+        return _items((before + comma + name for name in KNOWN), incomplete)
+
+
 def serve(command: Any) -> Any:
     """The option that has a page served while the command works; it is None where it is not given."""
     return click.option(

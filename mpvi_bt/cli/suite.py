@@ -15,7 +15,7 @@ import click
 from mpvi_bt import paths
 from mpvi_bt.choices.config import EPISODE, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import File, Name, arguments
+from mpvi_bt.cli.given import Columns, File, Name, arguments
 from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.cli.setting_options import settings, shared
 from mpvi_bt.errors import BackendError
@@ -260,8 +260,22 @@ def _line(stand: dict[str, Any]) -> str:
 @click.option("--markdown", type=_FILE, help="Write Markdown, with its plots as SVG files beside it.")
 @click.option("--csv", type=_FILE, help="Write a row for every episode, for spreadsheets, pandas and R.")
 @click.option("--latex", type=_FILE, help="Write the tables of a paper.")
+@click.option(
+    "--columns",
+    type=Columns(),
+    metavar="NAME,...",
+    help="Columns of --csv and --latex, such as method,task,q_score,success. Means are of the episodes that are alike "
+    "in method, task, instance, seed and ended, as far as these are chosen.",
+)
 @click.option("--baseline", metavar="METHOD", help="Method to compare with.  [default: e2e, or the first method]")
-def report(names: tuple[str, ...], out: Path | None, as_json: bool, baseline: str | None, **files: Path | None) -> None:
+def report(
+    names: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    columns: tuple[str, ...] | None,
+    baseline: str | None,
+    **files: Path | None,
+) -> None:
     """Tabulate the results of SUITE, or of the folder that they are in, so far; of several, side by side.
 
     One line an episode with its q, time, distances and failures, then their means. Several methods are compared on the
@@ -271,8 +285,14 @@ def report(names: tuple[str, ...], out: Path | None, as_json: bool, baseline: st
 
     if out is not None and len(names) > 1:
         raise click.UsageError("--out is the folder of one SUITE; name several by their folders.")
+    if columns is not None and not (files["csv"] or files["latex"]):
+        raise click.UsageError("--columns chooses those of --csv and --latex; give one of them.")
     told = Told.of([SuiteFolder.named(name, out) for name in names], baseline)
-    written = [path for kind, file in files.items() if file for path in getattr(told, f"write_{kind}")(file)]
+    written: list[Path] = []
+    for kind, file in files.items():
+        if file is not None:
+            chosen = (columns,) if columns is not None and kind in ("csv", "latex") else ()
+            written += getattr(told, f"write_{kind}")(file, *chosen)
     click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 

@@ -175,8 +175,8 @@ def _method(runs: Runs) -> MethodFigures:
         settings=_shared(config.record() for config in runs.episodes),
         privileged=_privileged(runs),
         assisted=any(config.assisted for config in runs.episodes),
-        overall=_group(runs, runs.episodes),
-        tasks={task: _group(runs, configs) for task, configs in of_task.items()},
+        overall=group_of(runs, runs.episodes),
+        tasks={task: group_of(runs, configs) for task, configs in of_task.items()},
         instances={task: _instances(runs, configs) for task, configs in of_task.items()},
         paper=paper_mean(runs.method, runs.tasks),
         failures=count_failures(results),
@@ -201,7 +201,8 @@ def _privileged(runs: Runs) -> list[str]:
     return sorted({part for parts in told or [privileged(c.backends) for c in runs.episodes] for part in parts})
 
 
-def _group(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:
+def group_of(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:
+    """What came of some episodes of a method."""
     done = [(c, runs.results[c]) for c in configs if c in runs.results]
     rows = [((c.task_name, c.instance, c.seed), result) for c, result in done]
     zeros = by_instance(

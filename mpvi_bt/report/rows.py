@@ -6,29 +6,37 @@ import csv
 import io
 from collections.abc import Sequence
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.report.runs import MEASURES, Runs
+from mpvi_bt.report.chosen_columns import COLUMNS, MEASURED, PAPER, WHICH
+from mpvi_bt.report.paper import paper_scores
+from mpvi_bt.report.runs import Runs
 
-_NAMES = {"success_rate": "success"}  # of measures of which a row has a single one
 
-
-def report_csv(runs: Sequence[Runs]) -> str:
+def report_csv(runs: Sequence[Runs], columns: Sequence[str] = COLUMNS) -> str:
     """The episodes of all methods, in order.
 
+    Args:
+        runs: Of each method.
+        columns: Names of `chosen_columns`.
+
     Returns:
-        A head, then a row an episode: method, task, instance, seed, ended, and every measure by its key ("success" is
-        1 or 0). Cells are empty where there is no figure; "ended" of an episode without a result says why.
+        A head, then a row an episode ("success" is 1 or 0). Cells are empty where there is no figure; "ended" of an
+        episode without a result says why.
     """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["method", "task", "instance", "seed", "ended", *(_NAMES.get(m.key, m.key) for m in MEASURES)])
-    for run in runs:
-        for config in run.episodes:
-            result, fault = run.results.get(config), run.faults.get(config)
-            ended = result.ended if result else fault.kind if fault else "missing"
-            figures = [measure.of(result) if result else None for measure in MEASURES]
-            table.writerow(
-                [one_line(run.method), one_line(config.task_name), config.instance, config.seed, one_line(ended)]
-                + ["" if figure is None else f"{figure:.10g}" for figure in figures]
-            )
+    table.writerow(columns)
+    table.writerows([_cell(name, run, config) for name in columns] for run in runs for config in run.episodes)
     return text.getvalue()
+
+
+def _cell(name: str, run: Runs, config: EpisodeConfig) -> str:
+    if name in WHICH:
+        return one_line(WHICH[name](run, config))
+    if name == PAPER:
+        figure = paper_scores().get(run.method, {}).get(config.task_name)
+    else:
+        result = run.results.get(config)
+        figure = MEASURED[name].of(result) if result else None
+    return "" if figure is None else f"{figure:.10g}"

@@ -199,14 +199,19 @@ def comparison_table(found: MethodComparison) -> Table:
     return Table(f"{found.method} less {found.baseline}", head, rows)
 
 
-def effort_table(comparisons: Sequence[MethodComparison]) -> Table:
-    """By how much efforts differ where both methods came equally far."""
+def effort_table(comparisons: Sequence[MethodComparison], paper: bool = True) -> Table:
+    """By how much efforts differ where both methods came equally far.
+
+    Args:
+        comparisons: Of each method.
+        paper: Whether the paper's stand below, if these two methods are compared on its tasks.
+    """
     names = list(comparisons[0].efforts) if comparisons else []
     rows = [
         [f"{c.method} against {c.baseline}", str(c.matched), *(percent(c.efforts[name]) for name in names)]
         for c in comparisons
     ]
-    if any(map(_as_in_the_paper, comparisons)):
+    if paper and any(map(_as_in_the_paper, comparisons)):
         rows.append(["the paper's", "20", *(f"{MATCHED[n]:+.1%}".replace("%", " %") if n in MATCHED else NONE
                                             for n in names)])  # fmt: skip
     head = ["methods", "pairs", *(f"{name} ↓" for name in names)]

@@ -105,18 +105,19 @@ class Told:
         write_whole(path, text)
         return [path, *(path.with_name(name) for name in plots)]
 
-    def write_csv(self, path: Path) -> list[Path]:
-        """Write a row for every episode. Raises as `write_html`."""
+    def write_csv(self, path: Path, columns: Sequence[str] = ()) -> list[Path]:
+        """Write a row for every episode, of all columns or of those of these names. Raises as `write_html`."""
+        from mpvi_bt.report.chosen_columns import COLUMNS
         from mpvi_bt.report.rows import report_csv
         from mpvi_bt.writing import write_whole
 
-        write_whole(path, report_csv(self.runs))
+        write_whole(path, report_csv(self.runs, columns or COLUMNS))
         return [path]
 
-    def write_latex(self, path: Path) -> list[Path]:
-        """Write the tables of a paper. Raises as `write_html`."""
+    def write_latex(self, path: Path, columns: Sequence[str] = ()) -> list[Path]:
+        """Write the tables of a paper, or one with the columns of these names. Raises as `write_html`."""
         from mpvi_bt.report.latex import report_latex
         from mpvi_bt.writing import write_whole
 
-        write_whole(path, report_latex(self.figures))
+        write_whole(path, report_latex(self.figures, self.runs, columns))
         return [path]
