@@ -268,8 +268,6 @@ def test_what_others_wrote_becomes_what_it_means_here(xml: str, root: str) -> No
         ("<ScriptCondition code='a == 1 || b == 2'/>", 3, 18, "unmapped-script", None),
         ("<SubTree ID='u'/>", 3, 10, "unknown-tree", None),
         ("<SubTree ID='t' _autoremap='true'/>", 3, 10, "recursion", None),
-        ("<SubTree ID='t' object='cup'/>", 3, 17, "subtree-port", None),
-        ("<SubTree ID='t' object='{thing}'/>", 3, 17, "subtree-port", None),
         ("<Say text='a' _onHalted='n := 1'/>", 3, 15, "unmapped-attribute", None),
         ("<Say text='a' _failureIf='a || b'/>", 3, 15, "unmapped-script", None),
         ("<Say text='a' _failureIf='a == 1' _skipIf='a == 2'/>", 3, 35, "unmapped-attribute", None),

@@ -126,19 +126,6 @@ class XmlFile:
         else:
             self.trees[name] = element
 
-    def needed(self, name: str) -> Needs:
-        """What a tree and those that it calls need, once the needs of each are known."""
-        found, left, seen = Needs(), [name], {name}
-        while left:
-            own = left.pop()
-            needs = self.needs.get(own, Needs())
-            found.texts |= needs.texts
-            found.first_values |= needs.first_values
-            new = [called for called in self._called(own) if called not in seen]
-            seen.update(new)
-            left += new
-        return found
-
     def _called(self, name: str) -> Iterable[str]:
         """The trees that one calls."""
         if name not in self._calls:

@@ -11,12 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.parameters import Comparison, Value
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import equivalents, mapping, nav2
 from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, place_of, tag_of
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
+from mpvi_bt.btcpp.models import fill_in, models_of
 from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
+from mpvi_bt.btcpp.subtree_ports import Calls
 from mpvi_bt.errors import FileProblems, Problem, shown
 from mpvi_bt.marked_yaml import Location, Marks, parse_marked
 from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, read
@@ -58,10 +61,12 @@ def from_xml(text: str, name: str = "<xml>", main_tree: str | None = None) -> Im
     root = parse_xml(text, name)
     file = XmlFile(name)
     main = file.trees_of(root, main_tree)
+    fill_in(file, models_of(file, root))
     for own in file.trees:
         tree = nav2.rewritten(file, own)
         file.trees[own] = replace(tree, children=[equivalents.rewritten(file, tree.children[0])])
-    specs = {own: spec for own in file.trees if (spec := _Tree(file, own).read(main=own == main)) is not None}
+    calls = Calls(file)
+    specs = {own: spec for own in file.trees if (spec := _Tree(file, calls, own).read(main=own == main)) is not None}
     if main is None or file.problems:
         raise FileProblems(_listed_once(_once(file.problems)))
     return ImportedTrees(specs.pop(main), specs, tuple(_once(file.warnings)))
@@ -70,10 +75,11 @@ def from_xml(text: str, name: str = "<xml>", main_tree: str | None = None) -> Im
 class _Tree:
     """One <BehaviorTree> on its way to a TreeSpec, those that it calls written out below their calls."""
 
-    def __init__(self, file: XmlFile, name: str) -> None:
-        self.file, self.name = file, name
+    def __init__(self, file: XmlFile, calls: Calls, name: str) -> None:
+        self.file, self.calls, self.name = file, calls, name
         self.marks = Marks(file.name)
-        self.calls = [name]
+        self.within = [name]  # the tree, and those that were called on the way down
+        self.bound: Mapping[str, Any] = {}  # the arguments of the innermost call
 
     def read(self, main: bool) -> TreeSpec | None:
         behavior = self.file.trees[self.name]
@@ -85,11 +91,10 @@ class _Tree:
         root = behavior.children[0]
         if main and (first := self._first_values(root)) is not None:
             data["blackboard"], root = first, root.children[-1]
-        needs = self.file.needed(self.name)
-        if needs.texts:
-            data["parameters"] = dict.fromkeys(needs.texts, "text")
-        if needs.first_values:
-            data["blackboard"] = {**data.get("blackboard", {}), **needs.first_values}
+        if parameters := self.calls.parameters(self.name):
+            data["parameters"] = dict(parameters)
+        if first_values := self.calls.first_values(self.name):
+            data["blackboard"] = {**data.get("blackboard", {}), **first_values}
         data["root"] = self._node(root, ("root",))
         told_places = {(p.line, p.column) for p in self.file.problems}
         try:
@@ -197,28 +202,25 @@ class _Tree:
         name = element.attributes.get("ID", "")
         if element.children:
             self.file.problem(element, "children", "a SubTree has no children here; its tree is a <BehaviorTree>")
-        for attribute in element.attributes:
-            same = element.attributes[attribute].strip() == f"{{{attribute}}}"
-            if attribute not in ("ID", "name") and not attribute.startswith("_") and not same:
-                message = f"port {attribute!r}: blackboard keys are of the run here, so a subtree's have the same name"
-                self.file.problem(element, "subtree-port", message, attribute)
-        if element.attributes.get("_autoremap", "").lower() not in ("true", "1"):
-            message = "without _autoremap this subtree has keys of its own; here they are those of the run"
+        if name in self.file.trees and (keys := self.calls.own_keys(element)):
+            message = f"without _autoremap tree {name!r} has keys of its own there, here they are of the run: {keys}"
             self.file.warn(element, "subtree", message)
         given: dict[str, Any] = {"tree": name}
-        if texts := self.file.needed(name).texts:
-            given["arguments"] = {key: f"${key}" for key in texts}
+        if name in self.file.trees and (arguments := self.calls.arguments(element)):
+            given["arguments"] = arguments
         data = {**self._data(element, at, "subtree", given, {"tree": "ID"}), "child": _STAND_IN}
         if name not in self.file.trees:
             self.file.unknown(element, "tree", name, list(self.file.trees), "ID")
-        elif name in self.calls:
-            chain = " -> ".join([*self.calls[self.calls.index(name) :], name])
+        elif name in self.within:
+            chain = " -> ".join([*self.within[self.within.index(name) :], name])
             self.file.problem(element, "recursion", f"a tree can't contain itself: {chain}", "ID")
         else:
-            self.calls.append(name)
+            self.within.append(name)
+            outer, self.bound = self.bound, data.get("arguments", {})
             data["child"] = {**self._node(self.file.trees[name].children[0], (*at, "child"))}
             data["child"].setdefault("segments", [])  # else it would have the caller's
-            self.calls.pop()
+            self.within.pop()
+            self.bound = outer
         return data
 
     def _assignments(self, element: Element, at: Location) -> dict[str, Any]:
@@ -287,6 +289,13 @@ class _Tree:
             ports: The attributes that hold them, where they are named otherwise.
         """
         node_type = node_types()[kind]
+        filled = {given.get(key) for key in (*node_type.reads, *node_type.writes)}
+        for key in filled & self.calls.parameters(self.within[-1]).keys():
+            message = (
+                f"the key {key!r} is filled in by a call of tree {self.within[-1]!r}, so it can't be set or tested here"
+            )
+            self.file.problem(element, "subtree-port", message, next(iter(ports.values()), ""))
+        given = references.fill(given, self.bound)
         name = element.attributes.get("name") or None
         own = name and name.replace("$", "$$")  # a name here refers to nothing
         headline = own if node_type.headline == "name" else given.get(node_type.headline)

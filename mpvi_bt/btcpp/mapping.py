@@ -226,5 +226,7 @@ def to_msec(duration: float | str) -> str | None:
 
 
 def from_msec(text: str) -> Any:
-    """Seconds, or what was given if that is no number of milliseconds."""
+    """Seconds, or what was given if that is no number of milliseconds. Raises ValueError of a reference."""
+    if is_pointer(text):
+        raise ValueError("a reference would be milliseconds there and seconds here: write the number")
     return int(text) / 1000 if re.fullmatch("[0-9]{1,10}", text) else from_port(text, as_text=True)

@@ -22,6 +22,9 @@ _SIGNS = {"equals": "==", "not_equals": "!=", "at_least": ">=", "at_most": "<="}
 _LITERAL = r"-?\s*[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?|'[^']*'|[a-z][a-z0-9_]*"
 _COMPARISON = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(==|!=|>=|<=)\s*({_LITERAL})\s*(?:&&|$)")
 _STATEMENT = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(:=|=|\+=|-=)\s*({_LITERAL})\s*(?:;\s*|$)")
+_TEXT = re.compile("'[^']*'")
+_IDENTIFIER = re.compile(r"(?<![\w@])[A-Za-z_@]\w*")
+_SET = re.compile(rf"({_IDENTIFIER.pattern})\s*(?::=|[-+*/]?=(?!=))")
 
 
 class Board:
@@ -136,6 +139,16 @@ def read_assignments(code: str) -> list[dict[str, Any]] | None:
             return None
         at = match.end()
     return found if found and at == len(code) else None
+
+
+def keys_of(code: str) -> set[str]:
+    """The keys that a script names."""
+    return {name for name in _IDENTIFIER.findall(_TEXT.sub("", code)) if name not in _KEYWORDS}
+
+
+def keys_set(code: str) -> set[str]:
+    """The keys that a script sets."""
+    return set(_SET.findall(_TEXT.sub("", code)))
 
 
 def escaped(text: str) -> str:

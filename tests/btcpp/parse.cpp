@@ -51,8 +51,10 @@ private:
 
   std::string text() const
   {
-    for(const auto& [port, value] : config().input_ports)
+    for(const auto& [port, written] : config().input_ports)
     {
+      const auto held = getInput<std::string>(port);  // of the entry that it refers to
+      const auto value = held ? held.value() : written;
       if(value.find(':') != std::string::npos)
       {
         return value;
