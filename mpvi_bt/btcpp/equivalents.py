@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mpvi_bt.btcpp.file import XmlFile, made, tag_of
+from mpvi_bt.btcpp.format import POSTCONDITIONS, PRECONDITIONS
 from mpvi_bt.btcpp.mapping import KEY, is_pointer
 from mpvi_bt.btcpp.marked_xml import Element
+from mpvi_bt.errors import shown
 
 NEAREST = {
-    "AsyncFallback": "Fallback",
-    "AsyncSequence": "Sequence",
     "IfThenElse": "a Fallback of Sequences that begin with a ScriptCondition",
     "KeepRunningUntilFailure": "Repeat, as nothing is done for ever here",
     "LoopBool": "Repeat",
@@ -18,30 +18,32 @@ NEAREST = {
     "LoopInt": "Repeat",
     "LoopString": "Repeat",
     "ParallelAll": "Parallel",
-    "Precondition": "a Sequence of a ScriptCondition and the child",
     "SequenceWithMemory": "a Sequence whose children are each tried again by RetryUntilSuccessful",
     "UnsetBlackboard": "SetBlackboard",
     "WhileDoElse": "a ReactiveFallback of ReactiveSequences that begin with a ScriptCondition",
 }
-_SEQUENCES = frozenset({"PipelineSequence", "ReactiveSequence", "Sequence"})
-_FALLBACKS = frozenset({"Fallback", "ReactiveFallback"})
-_BEFORE = ("_failureIf", "_successIf", "_skipIf", "_while")
-_AFTER = ("_onSuccess", "_onFailure", "_post")
-CONDITIONS = frozenset({*_BEFORE, *_AFTER, "_onHalted"})
+_SEQUENCES = frozenset({"AsyncSequence", "PipelineSequence", "ReactiveSequence", "Sequence"})
+_FALLBACKS = frozenset({"AsyncFallback", "Fallback", "ReactiveFallback"})
+_AFTER = tuple(name for name in POSTCONDITIONS if name != "_onHalted")
 
 
 def rewritten(file: XmlFile, element: Element, above: str = "") -> Element:
     """A node, and those below it, in nodes that are read here; `above`: the tag of the node above it."""
     tag = tag_of(element)
     children = [rewritten(file, child, tag) for child in element.children]
-    own = {name: text for name, text in element.attributes.items() if name not in (*_BEFORE, *_AFTER)}
+    own = {name: text for name, text in element.attributes.items() if name not in (*PRECONDITIONS, *_AFTER)}
     node = replace(element, attributes=own, children=children)
-    if tag == "Delay" and len(children) == 1 and "delay_msec" in own:
-        node = _around(element, "Sequence", made(element, "Sleep", msec=own["delay_msec"]), *children)
-        node = replace(node, attributes={key: own[key] for key in ("name",) if key in own})
-    elif tag == "ForceFailure" and len(children) == 1:
-        forced = replace(element, tag="ForceSuccess", attributes={}, children=children)
+    named = {key: own[key] for key in ("name",) if key in own}
+    one = children[:1] or [made(element, "AlwaysSuccess")]  # another number of children is told already
+    if tag == "Delay":
+        node = _around(element, "Sequence", made(element, "Sleep", msec=own.get("delay_msec", "1")), *one)
+        node = replace(node, attributes=named)
+    elif tag == "ForceFailure":
+        forced = _around(element, "ForceSuccess", *one)
         node = _around(element, "Sequence", forced, made(element, "AlwaysFailure", name="forced"))
+        node = replace(node, attributes=named)
+    elif tag == "Precondition":
+        node = replace(_precondition(file, element, one[0], above), attributes=named)
     elif tag.startswith("Switch") and tag[6:].isdigit():
         node = _switch(file, node, int(tag[6:]))
     return _conditions(file, element, node, above)
@@ -49,7 +51,7 @@ def rewritten(file: XmlFile, element: Element, above: str = "") -> Element:
 
 def _conditions(file: XmlFile, element: Element, node: Element, above: str) -> Element:
     """The node within what its pre- and postconditions say."""
-    before = [name for name in _BEFORE if name in element.attributes]
+    before = [name for name in PRECONDITIONS if name in element.attributes]
     for name in before[1:]:
         message = f"{name} beside {before[0]}: one precondition of a node has an equal here; put a node around it"
         file.problem(element, "unmapped-attribute", message, name)
@@ -86,6 +88,20 @@ def _after(element: Element, node: Element, name: str) -> Element:
         failed = _around(element, "Sequence", _script(element, "Script", name), made(element, "AlwaysFailure"))
         node = _around(element, "Fallback", node, failed)
     return node
+
+
+def _precondition(file: XmlFile, element: Element, child: Element, above: str) -> Element:
+    """A node that is begun only where a script holds."""
+    otherwise = element.attributes.get("else", "FAILURE")
+    if otherwise == "SKIPPED" and above in _SEQUENCES | _FALLBACKS:
+        otherwise = "SUCCESS" if above in _SEQUENCES else "FAILURE"
+    if otherwise not in ("SUCCESS", "FAILURE"):
+        message = f"else: {shown(otherwise)} has no equal here; FAILURE and SUCCESS have"
+        file.problem(element, "unmapped-attribute", message, "else")
+    asked = _script(element, "ScriptCondition", "if") if "if" in element.attributes else made(element, "AlwaysSuccess")
+    if otherwise == "SUCCESS":
+        return _around(element, "Fallback", _around(element, "Inverter", asked), child)
+    return _around(element, "Sequence", asked, child)
 
 
 def _switch(file: XmlFile, element: Element, cases: int) -> Element:

@@ -57,7 +57,11 @@ class XmlFile:
 
     def warn(self, element: Element, code: str, message: str, attribute: str = "") -> None:
         """Note a difference."""
-        self.warnings.append(Problem(self.name, *place_of(element, attribute), f"btcpp-{code}", message, "warning"))
+        self.warn_at(place_of(element, attribute), code, message)
+
+    def warn_at(self, place: tuple[int, int], code: str, message: str) -> None:
+        """Note what concerns no single element."""
+        self.warnings.append(Problem(self.name, *place, f"btcpp-{code}", message, "warning"))
 
     def unknown(self, element: Element, what: str, given: str, known: list[str], attribute: str = "") -> None:
         """Note a name that is not known."""

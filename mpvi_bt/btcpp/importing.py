@@ -16,6 +16,7 @@ from mpvi_bt.behaviors.parameters import Comparison, Value
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import equivalents, mapping, nav2
 from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, place_of, tag_of
+from mpvi_bt.btcpp.format import check
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.btcpp.models import fill_in, models_of
 from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
@@ -62,6 +63,7 @@ def from_xml(text: str, name: str = "<xml>", main_tree: str | None = None) -> Im
     file = XmlFile(name)
     main = file.trees_of(root, main_tree)
     fill_in(file, models_of(file, root))
+    check(file, root)
     for own in file.trees:
         tree = nav2.rewritten(file, own)
         file.trees[own] = replace(tree, children=[equivalents.rewritten(file, tree.children[0])])
@@ -159,8 +161,6 @@ class _Tree:
     def _builtin(self, element: Element, at: Location, tag: str) -> dict[str, Any]:
         rows = [row for row in mapping.BUILTINS if row.tag == tag]
         row = rows[0] if tag != "Parallel" else self._parallel(element, rows)
-        known = {row.port, *row.constant} - {"", "name"}
-        self._check_attributes(element, known, needed=known - set(row.constant))
         given: dict[str, Any] = dict(row.fixed)
         attributes = element.attributes
         if row.port in attributes and (row.port != "name" or mapping.KEY.fullmatch(attributes["name"])):
@@ -190,7 +190,13 @@ class _Tree:
 
     def _own(self, element: Element, at: Location, kind: str) -> dict[str, Any]:
         ports = mapping.ports_of(kind)
-        self._check_attributes(element, set(ports), needed={name for name, port in ports.items() if not port.optional})
+        allowed = {"name", *ports} | ({"ID"} if element.tag in EXPLICIT else set())
+        for name in element.attributes:
+            if name not in allowed and not name.startswith("_"):
+                self.file.unknown(element, "port", name, sorted({"name", *ports}), name)
+        for name in sorted(name for name, port in ports.items() if not port.optional):
+            if name not in element.attributes:
+                self.file.problem(element, "missing-port", f"{element.tag} needs the port {name!r}")
         given = {}
         for name, port in ports.items():
             if name in element.attributes and not (port.optional and element.attributes[name] == ""):
@@ -227,13 +233,11 @@ class _Tree:
         """A node that sets keys; of a script that sets several, a sequence of them."""
         attributes = element.attributes
         if element.tag == "SetBlackboard":
-            self._check_attributes(element, {"value", "output_key"}, needed={"value", "output_key"})
             text = attributes.get("value", "")
             value = self._decoded(element, "value", lambda: mapping.from_port(text, as_text=True))
             value = escaped(value) if value == text else value
             given = {"key": attributes.get("output_key", ""), "value": value}
             return self._data(element, at, "set", given, {"key": "output_key", "value": "value"})
-        self._check_attributes(element, {"code"}, needed={"code"})
         found = read_assignments(attributes.get("code", ""))
         if found is None:
             message = f"this script has no equal here: {shown(attributes.get('code', ''))}. One such as "
@@ -251,7 +255,6 @@ class _Tree:
         return data
 
     def _comparison(self, element: Element, at: Location, kind: str, script: Element) -> dict[str, Any]:
-        self._check_attributes(script, {"code"}, needed={"code"})
         code = script.attributes.get("code", "")
         found = read_comparison(code)
         if found is None:
@@ -327,14 +330,6 @@ class _Tree:
             self.file.problem(element, "children", f"<{element.tag}> takes {wanted}, not {len(element.children)}")
             data |= {"child": _STAND_IN} if family == "decorator" else {}
 
-    def _check_attributes(self, element: Element, known: set[str], needed: set[str]) -> None:
-        allowed = known | {"name"} | ({"ID"} if element.tag in EXPLICIT else set())
-        for name in element.attributes:
-            if name not in allowed and not name.startswith("_"):
-                self.file.unknown(element, "port", name, sorted(known | {"name"}), name)
-        for name in sorted(needed - element.attributes.keys()):
-            self.file.problem(element, "missing-port", f"{element.tag} needs the port {name!r}")
-
     def _decoded(self, element: Element, port: str, decode: Any) -> Any:
         try:
             return decode()
@@ -352,7 +347,10 @@ class _Tree:
             found = text
         if isinstance(found, dict) and found.keys() <= {"tree", "about", "instruction", "segments", "call"}:
             return {key: value for key, value in found.items() if key != "call"}
-        return {"about": text} if element.tag == "BehaviorTree" else {}
+        if element.tag == "BehaviorTree":
+            return {"about": text}
+        self.file.warn(element, "description", "the description of a node is left out", "_description")
+        return {}
 
     def _mark(self, at: Location, element: Element, attribute: str = "") -> None:
         self.marks.values[at] = self.marks.keys[at] = place_of(element, attribute)

@@ -18,16 +18,10 @@ from typing import Any
 from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.registry import NodeType, node_types
+from mpvi_bt.btcpp.format import NODES
 from mpvi_bt.marked_yaml import plain_scalar
 
-_THEIRS = """
-    AlwaysFailure AlwaysSuccess AsyncFallback AsyncSequence Delay Fallback ForceFailure ForceSuccess IfThenElse Inverter
-    KeepRunningUntilFailure LoopBool LoopDouble LoopInt LoopString Parallel ParallelAll Precondition ReactiveFallback
-    ReactiveSequence Repeat RetryUntilSuccessful RunOnce Script ScriptCondition Sequence SequenceWithMemory
-    SetBlackboard SkipUnlessUpdated Sleep SubTree Switch2 Switch3 Switch4 Switch5 Switch6 Timeout TryCatch
-    UnsetBlackboard WaitValueUpdate WasEntryUpdated WhileDoElse
-"""
-THEIRS = frozenset(_THEIRS.split())  # every node that BehaviorTree.CPP 4.10 registers by itself
+THEIRS = frozenset({*NODES, "SubTree"})  # every node that BehaviorTree.CPP 4.10 registers by itself
 _NAV2 = """
     " AppendGoalPoseToGoals AreErrorCodesPresent ArePosesNear AssistedTeleop BackUp CancelAssistedTeleop CancelBackUp
     CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading CancelFollowObject CancelSpin CancelWait
@@ -75,11 +69,16 @@ class Builtin:
 
 
 _AGAIN = "BehaviorTree.CPP begins a child that took more than one tick again within the same tick, mpvi_bt at the next"
+_AT_ONCE = "BehaviorTree.CPP ticks its next child at the next tick, mpvi_bt within the same one"
 BUILTINS = (
     Builtin("Sequence", "sequence", {"memory": True}),
     Builtin("ReactiveSequence", "sequence", {"memory": False}),
     Builtin("Fallback", "selector", {"memory": True}),
     Builtin("ReactiveFallback", "selector", {"memory": False}),
+    Builtin(
+        "AsyncSequence", "sequence", {"memory": True}, differs=_AT_ONCE
+    ),  # read only, as the first of a kind is written
+    Builtin("AsyncFallback", "selector", {"memory": True}, differs=_AT_ONCE),
     Builtin(
         "Parallel",
         "parallel",

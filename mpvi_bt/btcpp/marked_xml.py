@@ -26,7 +26,8 @@ class Element:
         attributes: By name, in the order of the file.
         place: 1-based (line, column) of its "<".
         places: The same of its attributes.
-        children: Elements below; text between them is passed over, as BehaviorTree.CPP does.
+        children: Elements below.
+        comments, texts: Places of what stands between them, texts line by line.
     """
 
     tag: str
@@ -34,6 +35,8 @@ class Element:
     place: tuple[int, int]
     places: dict[str, tuple[int, int]]
     children: list[Element] = field(default_factory=list)
+    comments: list[tuple[int, int]] = field(default_factory=list)
+    texts: list[tuple[int, int]] = field(default_factory=list)
 
 
 def parse_xml(text: str, name: str) -> Element:
@@ -52,11 +55,14 @@ class _Parser:
         self.lines = [0, *(found.end() for found in re.finditer(b"\n", self.bytes))]
         self.open: list[Element] = []
         self.root: Element | None = None
+        self.comments: list[tuple[int, int]] = []  # outside of all elements
         self.count = 0
         self.expat = expat.ParserCreate("utf-8")
         self.expat.StartElementHandler = self._start
         self.expat.EndElementHandler = lambda _: self.open.pop()
         self.expat.StartDoctypeDeclHandler = self._doctype
+        self.expat.CommentHandler = self._comment
+        self.expat.CharacterDataHandler = self._text
 
     def parse(self) -> Element:
         try:
@@ -64,6 +70,7 @@ class _Parser:
         except expat.ExpatError as error:
             raise FileProblems(self._malformed(error)) from None
         assert self.root is not None  # else expat finds no element
+        self.root.comments += self.comments
         return self.root
 
     def _malformed(self, error: expat.ExpatError) -> list[Problem]:
@@ -88,6 +95,15 @@ class _Parser:
         else:
             self.root = element
         self.open.append(element)
+
+    def _comment(self, _: str) -> None:
+        within = self.open[-1].comments if self.open else self.comments
+        within.append(self._place(self.expat.CurrentByteIndex))
+
+    def _text(self, text: str) -> None:
+        if text.strip():
+            before = len(text[: len(text) - len(text.lstrip())].encode())
+            self.open[-1].texts.append(self._place(self.expat.CurrentByteIndex + before))
 
     def _doctype(self, *_: object) -> None:
         self._stop(self.expat.CurrentByteIndex, "doctype", "a DOCTYPE is not allowed: trees need no entities")

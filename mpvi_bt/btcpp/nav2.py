@@ -12,8 +12,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from mpvi_bt.btcpp.equivalents import CONDITIONS
-from mpvi_bt.btcpp.file import Needs, XmlFile, below, made, tag_of
+from mpvi_bt.btcpp.file import Needs, XmlFile, below, made, place_of, tag_of
+from mpvi_bt.btcpp.format import CONDITIONS
 from mpvi_bt.btcpp.mapping import KEY, is_pointer
 from mpvi_bt.btcpp.marked_xml import Element
 
@@ -29,6 +29,13 @@ _PLANS = """
 _PLANNING = frozenset(_PLANS.split())  # with what is below them
 _NEW_GOAL = frozenset({"GlobalUpdatedGoal", "GoalUpdated"})
 _DRIVES = {"FollowPath": "path", "NavigateToPose": "goal", "NavigateThroughPoses": "goals"}
+_USED: Mapping[str, tuple[str, ...]] = {  # attributes that mean something here of nodes that become others
+    **{tag: (port,) for tag, port in _DRIVES.items()},
+    "PipelineSequence": ("name",),
+    "RecoveryNode": ("name", "number_of_retries"),
+    "RoundRobin": ("name", "wrap_around"),
+    "Spin": ("spin_dist",),
+}
 _FROM = {  # output ports, with the inputs that say where their path or goal leads
     "path": ("goal", "goals"),
     "smoothed_path": ("unsmoothed_path",),
@@ -64,6 +71,9 @@ def rewritten(file: XmlFile, name: str) -> Element:
     if pass_.left_out:
         tags = ", ".join(f"{tag} (line {element.place[0]})" for tag, element in pass_.left_out.items())
         file.warn(tree.children[0], "nav2", f"navigate plans by itself, so these are left out: {tags}")
+    if pass_.ports:
+        ports = ", ".join(f"{name} (line {place[0]})" for name, place in pass_.ports.items())
+        file.warn(tree.children[0], "nav2", f"these ports mean nothing here and are left out: {ports}")
     return replace(tree, children=[root])
 
 
@@ -72,11 +82,13 @@ class _Rewriting:
 
     Attributes:
         left_out: Nodes that plan, by their tags, the first of each.
+        ports: Ports that mean nothing here, such as "Spin time_allowance", with the place of the first of each.
     """
 
     def __init__(self, file: XmlFile, tree: Element, needs: Needs) -> None:
         self.file, self.tree, self.needs = file, tree, needs
         self.left_out: dict[str, Element] = {}
+        self.ports: dict[str, tuple[int, int]] = {}
         self.sources = _sources(tree)
         self._known: dict[int, bool] = {}
 
@@ -89,6 +101,9 @@ class _Rewriting:
         if tag in _NEW_GOAL and above in _FALLBACKS and not _conditions(element):
             self.left_out.setdefault(tag, element)
             return None
+        for name in element.attributes if tag in _USED else ():
+            if name not in (*_USED[tag], "ID") and not name.startswith("_"):
+                self.ports.setdefault(f"{tag} {name}", place_of(element, name))
         if not element.children and (leaf := self._leaf(element, tag)) is not None:
             return leaf
         pairs = [(child, self.node(child, tag)) for child in element.children]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.btcpp.equivalents import CONDITIONS
 from mpvi_bt.btcpp.file import XmlFile, below, tag_of
+from mpvi_bt.btcpp.format import CONDITIONS
 from mpvi_bt.btcpp.mapping import KEY, is_pointer, own_kinds, ports_of
 from mpvi_bt.btcpp.marked_xml import Element
 from mpvi_bt.btcpp.models import autoremaps
