@@ -11,10 +11,11 @@ import pytest
 
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.score import score
+from mpvi_bt.drawing.cells import WIDTH
 from mpvi_bt.episode.result import Grasps, Result
 from mpvi_bt.report import closing_table as for_people
 from mpvi_bt.report import data as for_programs
-from mpvi_bt.report.closing_table import troubles
+from mpvi_bt.report.closing_table import FIGURES, troubles
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.runs import runs_of
 from mpvi_bt.suite.at_work import FILE as AT_WORK
@@ -22,6 +23,7 @@ from mpvi_bt.suite.at_work import AtWork, note, read
 from mpvi_bt.suite.store import Fault, Store
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
+from tests.synthetic_suites import synthetic_runs
 
 EPISODES = [EpisodeConfig("picking_up_trash", instance) for instance in range(4)]
 RESULTS = {c: Result.model_validate(fake_result(c)) for c in EPISODES[:3]}
@@ -34,9 +36,9 @@ def report_data(name, episodes, results, faults):
     return for_programs.report_data(figures(name, runs), runs)
 
 
-def report_text(name, episodes, results, faults):
+def report_text(name, episodes, results, faults, width=WIDTH):
     runs = runs_of(episodes, results, faults)
-    return for_people.report_text(figures(name, runs), runs)
+    return for_people.report_text(figures(name, runs), runs, width)
 
 
 def test_means_count_missing_episodes_as_zero_and_say_so() -> None:
@@ -130,17 +132,42 @@ def test_an_empty_suite_has_no_means() -> None:
 def test_the_table_fits_a_terminal_and_tells_everything() -> None:
     """80 columns; every episode's row; failures with their reason; which backends knew the truth."""
     lines = report_text("four", EPISODES, RESULTS, FAULTS).splitlines()
-    assert max(map(len, lines)) <= 110
+    assert max(map(len, lines)) <= 80
     table = [line for line in lines if line.startswith("  ")]
-    assert max(len(line) for line in table[:9]) <= 80
     rows = [line.split() for line in table if line.split()[0] in "0123"]
     assert [row[2] for row in rows[:4]] == ["1.000", "0.500", "1.000", "-"]
-    text = "\n".join(lines)
+    text = " ".join(" ".join(lines).split())
     assert "machine fault" in text
     assert "instance 1 at 12 s: 2 pick failed, timeout: still reaching" in text
     assert "instance 1 at the end: not met: inside(can, bin)" in text
     assert "four: 3/4 episodes, 2 succeeded, mean q 0.625 with missing ones as 0, 0.833 without" in text
     assert "simulator truth: policy:expert" in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 160])
+def test_a_report_uses_the_width_of_the_terminal(width: int) -> None:
+    """No line is longer; figures end where their head does; those for which there is no room are named."""
+    runs = [synthetic_runs(name, share) for name, share in (("e2e", 0.3), ("a_method_of_a_longer_name", 0.8))]
+    lines = for_people.report_text(figures("two", runs), runs, width).splitlines()
+    assert max(map(len, lines)) <= width
+    (head,) = {line for line in lines if line.startswith("  instance  seed")}
+    ends = [match.end() for match in re.finditer(r"\S+( m| s)?", head)]
+    for line in (line for line in lines if re.match(r"  +(\d|mean) ", line)):
+        cells = re.finditer(r"\S+", line[: ends[-2]])
+        assert {cell.end() for cell in cells} <= set(ends), line
+    text = " ".join(lines)
+    left_out = [name for name, _ in FIGURES if name not in head]
+    assert (f"Not shown at this width: {', '.join(left_out)}." in text) == bool(left_out)
+    assert left_out == [] or width < 160
+    assert {60: 2, 80: 5, 100: 6, 160: 10}[width] == len(FIGURES) - len(left_out)
+
+
+def test_prose_is_wrapped_and_no_unit_is_torn_off() -> None:
+    """A percentage stays on one line with its sign; what goes on is farther in."""
+    runs = [synthetic_runs(name, share) for name, share in (("e2e", 0.3), ("mpvi", 0.8))]
+    for width in range(60, 100):
+        lines = for_people.report_text(figures("two", runs), runs, width).splitlines()
+        assert not [line for line in lines if re.match(r" *%", line)]
 
 
 @pytest.mark.rare

@@ -49,8 +49,8 @@ def test_several_folders_are_told_side_by_side(folders: Path, capsys: pytest.Cap
     """Methods in rows, whatever folder they are of, each with its interval, its difference and its p."""
     assert run(["suite", "report", "runs/a", "runs/b"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^expert +3/4 +0\.\d+ +\[.*\] +baseline$", text, re.MULTILINE)
-    assert re.search(r"^reactive +3/4 +0\.\d+ +\[.*\] +\+0\.\d+ +0\.\d\d\d$", text, re.MULTILINE)
+    assert re.search(r"^expert +3/4 +\d +0\.\d+ +\[.*\] +baseline\b", text, re.MULTILINE)
+    assert re.search(r"^reactive +3/4 +\d +0\.\d+ +\[.*\] +\+0\.\d+ +0\.\d\d\d\b", text, re.MULTILINE)
     assert "reactive against expert, on 3 episodes that both have finished" in text
     assert "Results of runs/a, runs/b." in text
     assert max(map(len, re.findall(r"^(?:expert|reactive) +\d.*$", text, re.MULTILINE))) <= 80

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,7 @@ from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import Columns, File, Name, arguments
 from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.cli.setting_options import settings, shared
+from mpvi_bt.drawing.cells import WIDTH
 from mpvi_bt.errors import BackendError
 from mpvi_bt.report.told import Told
 
@@ -174,7 +176,7 @@ def run(
         if page is not None:
             page.close()
     part = SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)
-    click.echo(Told.of([part]).told(as_json))
+    click.echo(Told.of([part]).told(as_json, _width()))
     return BackendError.exit_code if outcome.faults else 0
 
 
@@ -293,7 +295,9 @@ def report(
         if file is not None:
             chosen = (columns,) if columns is not None and kind in ("csv", "latex") else ()
             written += getattr(told, f"write_{kind}")(file, *chosen)
-    click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
+    click.echo(
+        told.told(as_json, _width()) if as_json or not written else "\n".join(f"wrote {path}" for path in written)
+    )
 
 
 def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> list[EpisodeConfig]:
@@ -305,6 +309,11 @@ def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> 
         if context.get_parameter_source(key) is not click.core.ParameterSource.DEFAULT
     }
     return suite.episodes(**given, arguments=tuple(arguments(params).items()))
+
+
+def _width() -> int:
+    """Columns of the terminal, or what a pipe is given."""
+    return shutil.get_terminal_size((WIDTH, 24)).columns
 
 
 def _print_json(data: Any) -> None:

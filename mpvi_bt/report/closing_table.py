@@ -5,43 +5,95 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.drawing.cells import columns, cut, one_line
+from mpvi_bt.drawing.cells import WIDEST, WIDTH, columns, cut, one_line, wrapped
 from mpvi_bt.drawing.endings import ENDED
+from mpvi_bt.drawing.text_table import aligned, fitting
 from mpvi_bt.episode.result import Result
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
-from mpvi_bt.report.runs import Runs
+from mpvi_bt.report.runs import BY_KEY, Runs
 from mpvi_bt.report.tables import NONE, chance_text, comparison_text, told
 from mpvi_bt.suite.store import Fault
 
-_HEAD = ("instance", "seed", "q", "met", "time s", "base m", "left m", "right m", "ended")
 _NAME = 24  # columns of a method's name
+# Figures of an episode, the most telling first: head, measure. What a terminal has no room for is left out.
+FIGURES = (
+    ("q", "q_score"), ("met", "goal_fraction"), ("time s", "simulator_time"), ("base m", "base"), ("left m", "left"),
+    ("right m", "right"), ("human/robot", "normalized_time"), ("conditions", "conditions_met"),
+    ("left/base m", "left_base_relative"), ("right/base m", "right_base_relative"),
+)  # fmt: skip
+_NO_BREAK = "\N{NO-BREAK SPACE}"
+_ALWAYS = 2  # of these, however narrow the terminal
+_SAID = {  # of heads that do not speak for themselves
+    "met": "met (share of the goal's literals)",
+    "human/robot": "human/robot (people's time over the robot's)",
+    "conditions": "conditions (share of the goal's conditions)",
+    "left/base m": "left/base and right/base (ways of the hands as seen from the base)",
+}
 
 
-def report_text(figures: Figures, runs: Sequence[Runs]) -> str:
-    """The report for people: a table a task, what failed, and the means; in 80 columns."""
+def report_text(figures: Figures, runs: Sequence[Runs], width: int = WIDTH) -> str:
+    """The report for people: a table a task, what failed, and the means.
+
+    Args:
+        figures: What to tell.
+        runs: Of each method.
+        width: Columns of the terminal: lines are no longer, and tables have the figures that fit.
+    """
     named = len(runs) > 1
-    blocks = []
+    head = ("instance", "seed", *(head for head, _ in FIGURES), "ended")
+    told = []
     for run, method in zip(runs, figures.methods, strict=True):
         for task, group in method.tasks.items():
             configs = [c for c in run.episodes if c.task_name == task]
             rows = [_row(c, run.results.get(c), run.faults.get(c)) for c in configs]
-            rows.append(_mean_row(group))
             title = f"{run.method}: {task}" if named else task
-            blocks.append("\n".join([title, *_table(rows), *_failures(configs, run.results, run.faults)]))
+            told.append((title, [*rows, _mean_row(group)], _failures(configs, run.results, run.faults)))
+    every = [head, *(row for _, rows, _ in told for row in rows)]
+    shown = fitting(every, range(2 + _ALWAYS, 2 + len(FIGURES)), width - 2)
+    tables = _tables(every, shown, [len(rows) for _, rows, _ in told])
+    blocks = []
+    for (title, _, failed), lines in zip(told, tables, strict=True):
+        blocks.append("\n".join([title, *lines, *(line for text in failed for line in _prose(text, width, 2, 6))]))
     for run, method in zip(runs, figures.methods, strict=True):
-        blocks.append("\n".join(_closing(f"{figures.suite}, {run.method}" if named else figures.suite, run, method)))
-    blocks += [comparison_text(found) for found in figures.comparisons]
+        closing = _closing(f"{figures.suite}, {run.method}" if named else figures.suite, run, method)
+        blocks.append("\n".join(line for text in closing for line in _prose(text, width, 0, 4)))
+    blocks += ["\n".join(_prose(comparison_text(found), width)) for found in figures.comparisons]
     if named:
-        blocks.append("\n".join(_methods(figures)))
-    blocks += [" ".join(figures.notes)] if figures.notes else []
-    blocks.append("q, met (share of the goal's literals): higher is better; time and distances: lower is better")
+        blocks.append("\n".join(_methods(figures, width)))
+    blocks += ["\n".join(_prose(" ".join(figures.notes), width))] if figures.notes else []
+    blocks.append("\n".join(_prose(_legend([i - 2 for i in shown[2:-1]]), width)))
     return "\n\n".join(blocks)
 
 
-def _methods(figures: Figures) -> Iterator[str]:
+def _legend(shown: Sequence[int]) -> str:
+    """Which way is better, and what there was no room for."""
+    higher = [head for i, (head, key) in enumerate(FIGURES) if i in shown and BY_KEY[key].better == "higher"]
+    lower = "time and distances" + (f", {_SAID['left/base m']}" if len(shown) == len(FIGURES) else "")
+    said = f"{', '.join(_SAID.get(head, head) for head in higher)}: higher is better; {lower}: lower is better."
+    left_out = [head for i, (head, _) in enumerate(FIGURES) if i not in shown]
+    return said + (f" Not shown at this width: {', '.join(left_out)}." if left_out else "")
+
+
+def _prose(text: str, width: int, indent: int = 0, hanging: int = 0) -> list[str]:
+    """A text in lines that are not too long to be read, the first one so far in, the others so far."""
+    first, *rest = wrapped(text.replace(" %", f"{_NO_BREAK}%"), min(width, WIDEST) - max(indent, hanging))
+    lines = [" " * indent + first, *(" " * hanging + line for line in rest)]
+    return [line.replace(_NO_BREAK, " ") for line in lines]
+
+
+def _tables(rows: Sequence[Sequence[str]], shown: Sequence[int], lengths: Sequence[int]) -> Iterator[list[str]]:
+    """Tables below each other, their columns in line, from the rows of all behind one head."""
+    head, *lines = [f"  {line}" for line in aligned([[row[i] for i in shown] for row in rows], {len(shown) - 1})]
+    rule = "  " + "-" * (max(map(columns, [head, *lines])) - 2)
+    for length in lengths:
+        own, lines = lines[:length], lines[length:]
+        yield [head, rule, *own[:-1], rule, own[-1]]
+
+
+def _methods(figures: Figures, width: int) -> list[str]:
     """A line for each method, beside the baseline."""
     compared = {found.method: found for found in figures.comparisons}
-    rows = [("", "episodes", "q", "95 % interval", "difference", "p")]
+    rows = [["", "episodes", "succeeded", "q", "95 % interval", "difference", "p", "time s", "base m"]]
     for method in figures.methods:
         group, found = method.overall, compared.get(method.name)
         q, _, interval = told(group.measures["q_score"]).partition(" ")
@@ -49,11 +101,11 @@ def _methods(figures: Figures) -> Iterator[str]:
         if found is not None:
             against = f"{found.overall.difference.mean:+.3f}", chance_text(found.chance).removeprefix("p ").lstrip("= ")
         done = f"{group.finished}/{group.episodes}"
-        rows.append((cut(one_line(method.name), _NAME), done, q, interval, *against))
-    widths = [max(columns(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for name, *cells in rows:
-        right = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
-        yield "  ".join([name + " " * (widths[0] - columns(name)), *right]).rstrip()
+        efforts = [_figure(found.mean if found else None, key) for key in ("simulator_time", "base")
+                   for found in [group.measures[key]]]  # fmt: skip
+        rows.append([cut(one_line(method.name), _NAME), done, str(group.successes), q, interval, *against, *efforts])
+    shown = fitting(rows, (5, 6, 4, 2, 7, 8), width)  # difference, p, interval, ...: the most telling first
+    return aligned([[row[i] for i in shown] for row in rows], {0})
 
 
 def _closing(title: str, run: Runs, method: MethodFigures) -> list[str]:
@@ -90,35 +142,21 @@ def troubles(clipped: int, empty: int, lost: int) -> str:
 def _row(config: EpisodeConfig, result: Result | None, fault: Fault | None) -> tuple[str, ...]:
     where = (str(config.instance), str(config.seed))
     if result is None:
-        return (*where, *["-"] * 6, fault.kind if fault else "missing")
-    d = result.agent_distance
+        return (*where, *[NONE] * len(FIGURES), fault.kind if fault else "missing")
     return (
         *where,
-        f"{result.q:.3f}",
-        f"{result.goal_fraction:.3f}",
-        f"{result.time.simulator_time:.1f}",
-        f"{d.base:.1f}",
-        f"{d.left:.1f}",
-        f"{d.right:.1f}",
+        *(_figure(BY_KEY[key].of(result), key) for _, key in FIGURES),
         ENDED.get(result.ended, result.ended) + (f", {result.gave_up} given up" if result.gave_up else ""),
     )
 
 
 def _mean_row(group: Group) -> tuple[str, ...]:
-    means = [group.measures[key] for key in ("q_score", "goal_fraction", "simulator_time", "base", "left", "right")]
-    figures = zip(means, (3, 3, 1, 1, 1, 1), strict=True)
-    return ("mean", "", *["-" if found is None else f"{found.mean:.{digits}f}" for found, digits in figures], "")
+    means = [(group.measures[key], key) for _, key in FIGURES]
+    return ("mean", "", *(_figure(found.mean if found else None, key) for found, key in means), "")
 
 
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(row[i]) for row in [_HEAD, *rows]) for i in range(len(_HEAD))]
-    lines = []
-    for row in [_HEAD, *rows]:
-        cells = [cell.rjust(width) for cell, width in zip(row[:-1], widths, strict=False)]
-        lines.append("  " + "  ".join([*cells, row[-1]]).rstrip())
-    lines.insert(1, "  " + "-" * (sum(widths) + 2 * (len(widths) - 1)))
-    lines.insert(-1, lines[1])
-    return lines
+def _figure(value: float | None, key: str) -> str:
+    return NONE if value is None else f"{value:.{BY_KEY[key].digits}f}"
 
 
 def _failures(
@@ -129,15 +167,15 @@ def _failures(
         result = results.get(config)
         if result is None:
             if (fault := faults.get(config)) and fault.backend:
-                lines.append(f"  instance {config.instance}: a backend failed, {fault.message}")
+                lines.append(f"instance {config.instance}: a backend failed, {fault.message}")
             continue
         if felt := troubles(result.clipped, result.grasps.empty, result.grasps.lost):
-            lines.append(f"  instance {config.instance}: {felt}")
+            lines.append(f"instance {config.instance}: {felt}")
         for failure in result.failures:
             node = one_line("/".join(failure.node.split("/")[1:2]) or failure.node)  # the segment, right under the root
             why = ": ".join(one_line(text) for text in (failure.reason, failure.feedback) if text)
-            lines.append(f"  instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {why}")
+            lines.append(f"instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {why}")
         if not result.success:
             unmet = [condition.condition for condition in result.goal if not condition.satisfied]
-            lines.append(f"  instance {config.instance} at the end: not met: {'; '.join(unmet)}")
+            lines.append(f"instance {config.instance} at the end: not met: {'; '.join(unmet)}")
     return lines

@@ -25,7 +25,6 @@ _SPECIAL = {
 _ANY = re.compile("|".join(map(re.escape, _SPECIAL)))
 _HEAD = 12  # characters of a line of a head
 _COMMENT = 100  # of a line of a comment
-_TEXT = ("", "method", "against", "task", "ended")  # heads of columns that hold no figures
 _MINUS = re.compile(r"(?<![\w.])-(?=[\d.])")
 
 
@@ -106,7 +105,7 @@ def _table(table: Table, caption: str, label: str) -> str:
     """A table under a caption of one sentence; what else is to be known of it is a comment above."""
     head = " & ".join(map(_stacked, table.head)) + r" \\"
     rows = [" & ".join(map(plain, row)) + r" \\" for row in table.rows]
-    columns = "".join("l" if name in _TEXT else "r" for name in table.head)
+    columns = "".join("r" if figures else "l" for figures in table.figures)
     lines = [
         *(f"% {line}" for line in textwrap.wrap(one_line(table.note), _COMMENT)),
         r"\begin{table}",

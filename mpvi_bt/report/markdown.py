@@ -87,7 +87,7 @@ def _picture(name: str, svg: str, title: str, plots: dict[str, str]) -> str:
 
 def _table(table: Table, titled: bool = True) -> str:
     lines = [f"| {' | '.join(map(plain, row))} |" for row in (table.head, *table.rows)]
-    lines.insert(1, "|" + "---|" * len(table.head))
+    lines.insert(1, "|" + "".join("---:|" if figures else "---|" for figures in table.figures))
     title = f"### {plain(table.title)}\n\n" if table.title and titled else ""
     note = f"\n\n{_paragraph(table.note)}" if table.note else ""
     return title + "\n".join(lines) + note

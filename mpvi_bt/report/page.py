@@ -176,10 +176,11 @@ def _filled(table: Table, titled: bool = True) -> str:
 
 
 def _table(table: Table, titled: bool = True) -> str:
-    head = "".join(f'<th scope="col">{escape(one_line(cell))}</th>' for cell in table.head)
+    kinds = [' class="number"' if figures else "" for figures in table.figures]
+    head = "".join(f'<th scope="col"{k}>{escape(one_line(c))}</th>' for c, k in zip(table.head, kinds, strict=True))
     rows = "".join(
-        f'<tr><th scope="row">{escape(one_line(row[0]))}</th>'
-        + "".join(f"<td>{_cell(cell)}</td>" for cell in row[1:])
+        f'<tr><th scope="row"{kinds[0]}>{escape(one_line(row[0]))}</th>'
+        + "".join(f"<td{kind}>{_cell(cell)}</td>" for cell, kind in zip(row[1:], kinds[1:], strict=True))
         + "</tr>"
         for row in table.rows
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from mpvi_bt.report.statistics import FLIPS, Chance, Estimate
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
 NONE = "-"
+_FIGURE = re.compile(r"[-+]?\d|< \d|-?$|no bound")  # how a cell begins that holds a figure, or none
 _EFFICIENCY = ("simulator_time", "normalized_time", "base", "normalized_base", "left", "normalized_left", "right",
                "normalized_right", "left_base_relative", "right_base_relative")  # fmt: skip
 
@@ -35,6 +37,12 @@ class Table:
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
+
+    @property
+    def figures(self) -> list[bool]:
+        """Which columns hold nothing but figures, and are right-aligned therefore."""
+        cells = [[row[i] for row in self.rows] for i in range(len(self.head))]
+        return [any(cell != NONE for cell in column) and all(map(_FIGURE.match, column)) for column in cells]
 
 
 def told(found: Estimate | None, digits: int = 3) -> str:

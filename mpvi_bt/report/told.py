@@ -10,6 +10,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mpvi_bt.drawing.cells import WIDTH
+
 if TYPE_CHECKING:  # what they load is slower than the help of these commands should be
     from mpvi_bt.episode.result import Result
     from mpvi_bt.report.figures import Figures
@@ -75,15 +77,15 @@ class Told:
         """What notebooks show: the same."""
         return f"<pre>{escape(str(self))}</pre>"
 
-    def told(self, as_json: bool) -> str:
-        """The report as text for a terminal, or for programs."""
+    def told(self, as_json: bool, width: int = WIDTH) -> str:
+        """The report as text for a terminal of so many columns, or for programs."""
         if as_json:
             from mpvi_bt.report.data import report_data
 
             return json.dumps(report_data(self.figures, self.runs), indent=1, allow_nan=False, ensure_ascii=False)
         from mpvi_bt.report.closing_table import report_text
 
-        return report_text(self.figures, self.runs)
+        return report_text(self.figures, self.runs, width)
 
     def write_html(self, path: Path) -> list[Path]:
         """Write the page. Raises UserError if that is impossible, BackendError if the disk is full."""
