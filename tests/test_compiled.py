@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from mpvi_bt.compiled import compiled, compiled_later
+from mpvi_bt.behaviors.context import Stopwatch
+from mpvi_bt.compiled import compiled, compiled_later, compiling
+from tests.conftest import Shell
 
 USES = "import numpy as np\nfrom mpvi_bt.robot.linear_algebra import matmul\nprint(matmul(np.eye(3), [1, 2, 3]))"
 
@@ -37,3 +41,29 @@ def test_processes_that_compile_at_the_same_time_leave_what_later_ones_can_load(
     said.append(subprocess.run(start, env=env, stdout=subprocess.PIPE).stdout)
     assert said == [b"[1. 2. 3.]\n"] * 5
     assert list(tmp_path.rglob("*.nbi"))
+
+
+def test_what_compiling_takes_is_told_once_and_is_no_part_of_what_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An activity that waits for a loop to be compiled takes no longer than one that finds it compiled."""
+    said: list[str] = []
+    monkeypatch.setattr(compiling, "told", lambda: said.append("compiling"))
+    stopwatch, before = Stopwatch(), compiling.seconds
+    first, second = (compiled(eval(f"lambda a: a + {k}")) for k in (1, 2))  # two loops that no cache has
+    began = time.perf_counter()
+    with stopwatch("policy"):
+        assert (first(1.5), second(1.5)) == (2.5, 3.5)
+    took, waited = time.perf_counter() - began, compiling.seconds - before
+    assert waited > 0.01
+    assert stopwatch.seconds["policy"] == pytest.approx(took - waited, abs=0.01)
+    assert said == ["compiling"]
+
+
+@pytest.mark.slow
+def test_a_first_run_says_that_it_compiles_and_how_long_that_took(mpvi: Shell, tmp_path: Path) -> None:
+    """With an empty cache a line says so, and the result tells its share; the next run says nothing of it."""
+    command = ["run", "turning_on_radio", "--method", "expert", "--no-watch", "--set", "detector=oracle"]
+    first, second = (mpvi(*command, timeout=300, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
+    assert [run.stderr.count("compiling loops for this machine, once") for run in (first, second)] == [1, 0]
+    assert ["compiling" in run.stdout for run in (first, second)] == [True, False]
+    wall = json.loads((tmp_path / "runs" / "turning_on_radio_0_0.json").read_text())["wall"]["loop"]
+    assert wall["compiling"] == 0.0

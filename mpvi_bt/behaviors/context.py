@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Any, Literal, Protocol
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.question import Question
+from mpvi_bt.compiled import compiling
 from mpvi_bt.cost import Cost
 from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.monitors.calibration import Calibration
@@ -193,6 +193,8 @@ class Log:
 class Stopwatch:
     """Wall time by activity: `with stopwatch("policy"): ...`. An activity inside another counts only as itself.
 
+    Compiling, which only the first run on a machine waits for, is none of them.
+
     Attributes:
         seconds: Wall time [s] so far of each activity.
     """
@@ -216,7 +218,7 @@ class Stopwatch:
         self._open.pop()
 
     def _switch(self) -> None:
-        now = time.perf_counter()
+        now = compiling.clock()
         if self._open:
             self.seconds[self._open[-1]] += now - self._since
         self._since = now

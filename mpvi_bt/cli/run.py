@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from mpvi_bt.cli.given import (
 )
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.cli.setting_options import settings, shared
+from mpvi_bt.compiled import compiling
 from mpvi_bt.errors import BackendError, NodeError, UserError
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
+_COMPILING = "compiling loops for this machine, once: some 20 s"
 _OF_THIS_RUN = ("video", "picture", "rerun", "times", *ASKING)  # of an episode that goes on, what may be said anew
 
 
@@ -121,6 +124,7 @@ def run(
         live = LiveTree(sys.stderr if as_json else sys.stdout, stem, unicode, redraw=not debugs)
         live.show(prepared.spec)  # the world takes a moment
         watchers.append(live)
+    compiling.told = partial(live.wait if watch else _note, _COMPILING)
     page = None
     if serve is not None and config.trace is not None:
         if resume is None:

@@ -54,6 +54,13 @@ class LiveTree:
             lines = [line.text for line in tree_lines(spec, None, WIDTH, unicode=self._unicode)]
             self._write([cut(self._title, WIDTH), *lines] if self._title else lines)
 
+    def wait(self, what: str) -> None:
+        """Say what the run waits for: in place of its time, or in a line of its own where piped."""
+        if self._terminal and self._shown is not None:
+            self._redraw(self._shown, self._tree.states() if self._tree else {}, what)
+        else:
+            self._write([what])
+
     def start(self, tree: Tree, world: World) -> None:
         """Draw the tree, unless `show` has."""
         self._tree = tree

@@ -114,7 +114,9 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
     free = np.zeros(4, np.bool_)  # of the neighbors above, below, left and right
 
     # Entries of the buckets are linked lists in three arrays that grow; `spare` heads the list of those not in use.
-    heads = np.full(_RING, -1, np.int32)
+    heads = np.empty(_RING, np.int32)
+    for k in range(_RING):
+        heads[k] = -1
     room, used, spare, waiting = 4096, 1, -1, 1
     cells, values, links = np.empty(room, np.int32), np.empty(room, np.float64), np.empty(room, np.int32)
     bucket = 0
@@ -196,7 +198,8 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
                     room *= 2
                     more_cells, more_values = np.empty(room, np.int32), np.empty(room, np.float64)
                     more_links = np.empty(room, np.int32)
-                    more_cells[:used], more_values[:used], more_links[:used] = cells, values, links
+                    for i in range(used):
+                        more_cells[i], more_values[i], more_links[i] = cells[i], values[i], links[i]
                     cells, values, links = more_cells, more_values, more_links
                 entry = used
                 used += 1
@@ -229,4 +232,7 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
                 if through < least:
                     least, come_from = through, v
         u = come_from
-    return path[:count][::-1].astype(np.int64), best
+    way = np.empty(count, np.int64)
+    for i in range(count):
+        way[i] = path[count - 1 - i]
+    return way, best

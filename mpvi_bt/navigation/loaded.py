@@ -152,7 +152,8 @@ def _search(  # type: ignore
 
     slack = np.zeros(2)
     for i in range(2):
-        b, r, c = start if i == 0 else goal
+        end = start if i == 0 else goal
+        b, r, c = end[0], end[1], end[2]
         slack[i] = np.inf
         for k in range(radii.size):
             rr, cc = r + low[0] + offsets[b, k, 0], c + low[1] + offsets[b, k, 1]
@@ -228,16 +229,15 @@ def _search(  # type: ignore
     states = np.zeros((0, 3), np.int64)
     if not found:
         return states
-    b, r, c = goal
     count = 1
     for passing in range(2):  # count the states, then write them down
         if passing == 1:
             states = np.zeros((count, 3), np.int64)
-        b, r, c = goal
+        b, r, c = goal[0], goal[1], goal[2]
         i = count - 1
         while True:
             if passing == 1:
-                states[i] = b, r, c
+                states[i, 0], states[i, 1], states[i, 2] = b, r, c
             if b == start[0] and r == start[1] and c == start[2]:
                 break
             k = (parent[b, r, c] & 127) - 1

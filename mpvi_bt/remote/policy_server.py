@@ -6,13 +6,13 @@ import asyncio
 import contextlib
 import queue
 import threading
-import time
 import traceback
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from mpvi_bt.compiled import compiling
 from mpvi_bt.errors import BadMessage
 from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.codec import unpack
@@ -112,9 +112,9 @@ class Session:
             policy, observation = self._asked(given)
         except BadMessage as error:
             raise Refused("bad_message", str(error)) from None
-        started = time.perf_counter()
+        started = compiling.clock()
         actions = np.asarray(policy.infer(observation), float)
-        infer_s = time.perf_counter() - started
+        infer_s = compiling.clock() - started
         if actions.ndim != 2 or actions.shape[1] != ACTION_SIZE or not len(actions) or not np.isfinite(actions).all():
             raise Refused("policy_failed", f"actions of shape {actions.shape}; (H, {ACTION_SIZE}) and finite is wanted")
         message = {

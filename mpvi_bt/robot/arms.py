@@ -74,7 +74,7 @@ class _Looped(ABC):
 
     def frames(self, q: Array) -> Array:
         """As of `Arm`."""
-        return np.asarray(self._loops.arm_frames(q, *self._shape))
+        return np.asarray(self._loops.arm_frames(np.ascontiguousarray(q, float), *self._shape))
 
     def inverse(self, T: Array, samples: int) -> tuple[NDArray[np.intp], Array]:
         """As of `Arm`."""

@@ -2,6 +2,9 @@
 
 Planning asks these thousands of times a second, one or a few postures at a time, where array expressions cost mostly
 their own overhead. `collision` and `timing` say what each one computes; here shapes are taken to be right.
+
+The first run on a machine waits until all are compiled. So they are written to compile fast: loops over single numbers
+take a third of the time of slices and array expressions, and a constant argument is an `integer`.
 """
 
 from __future__ import annotations
@@ -11,6 +14,33 @@ import math
 import numpy as np
 
 from mpvi_bt.compiled import compiled
+
+integer = np.int64  # integer(2) is an argument like any other; for each plain constant numba compiles a loop anew
+
+
+@compiled
+def identity(R):  # type: ignore
+    """Write the rotation by nothing."""
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = 1.0 if i == j else 0.0
+
+
+@compiled
+def framed(R, p, out):  # type: ignore
+    """Write the frame (4, 4) of a rotation and a place; its last row is zeros so far."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = R[i, j]
+        out[i, 3] = p[i]
+    out[3, 3] = 1.0
+
+
+@compiled
+def shifted(p, by, R, axis):  # type: ignore
+    """Move a place by so much along an axis of a rotation."""
+    for i in range(3):
+        p[i] += by * R[i, axis]
 
 
 @compiled
@@ -34,11 +64,20 @@ def distance(q, near, weights):  # type: ignore
 
 
 @compiled
+def copied(values, out):  # type: ignore
+    """Write values (n,) to `out`."""
+    for k in range(values.shape[0]):
+        out[k] = values[k]
+
+
+@compiled
 def doubled(index, out):  # type: ignore
     """The same index (m,) and postures (m, 7), with as much room again behind them."""
     room = index.shape[0]
     longer, wider = np.empty(2 * room, np.int64), np.empty((2 * room, 7))
-    longer[:room], wider[:room] = index, out
+    for k in range(room):
+        longer[k] = index[k]
+        copied(out[k], wider[k])
     return longer, wider
 
 
@@ -73,7 +112,8 @@ def sphere_centers(frames, chest, centers, link):  # type: ignore
                         + chest[i, 2] * frames[k, f, 2, j]
                     )
                 F[f, i, 3] += chest[i, 3]
-        hands[k, :3] = F[parts - 1]
+        for i in range(3):
+            copied(F[parts - 1, i], hands[k, i])
         hands[k, 3, 3] = 1.0
         for s in range(m):
             x, y, z, f = centers[s, 0], centers[s, 1], centers[s, 2], link[s]
@@ -191,13 +231,16 @@ def quaternion(R):  # type: ignore
     largest = max(R[0, 0], R[1, 1], R[2, 2], trace)
     q = np.empty(4)
     if largest == trace:
-        q[:] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace
+        q[0], q[1], q[2], q[3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace
     elif largest == R[0, 0]:
-        q[:] = 1.0 + R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]
+        q[0], q[1] = 1.0 + R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0]
+        q[2], q[3] = R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]
     elif largest == R[1, 1]:
-        q[:] = R[0, 1] + R[1, 0], 1.0 + R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]
+        q[0], q[1] = R[0, 1] + R[1, 0], 1.0 + R[1, 1] - R[0, 0] - R[2, 2]
+        q[2], q[3] = R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]
     else:
-        q[:] = R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], 1.0 + R[2, 2] - R[0, 0] - R[1, 1], R[1, 0] - R[0, 1]
+        q[0], q[1] = R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+        q[2], q[3] = 1.0 + R[2, 2] - R[0, 0] - R[1, 1], R[1, 0] - R[0, 1]
     return q
 
 
@@ -206,14 +249,17 @@ def quaternions(R):  # type: ignore
     """(n, 4) the same of n rotations (n, 3, 3)."""
     out = np.empty((R.shape[0], 4))
     for k in range(R.shape[0]):
-        out[k] = quaternion(R[k])
+        copied(quaternion(R[k]), out[k])
     return out
 
 
 @compiled
 def normalized(q):  # type: ignore
     """(4,) the quaternion of length 1."""
-    return q / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    out, length = np.empty(4), math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    for k in range(4):
+        out[k] = q[k] / length
+    return out
 
 
 @compiled
@@ -230,12 +276,18 @@ def product(p, q):  # type: ignore
 @compiled
 def turn(p, q):  # type: ignore
     """(4,) the quaternion that leads from p to q, the short way: w is not negative."""
-    back = p.copy()
-    back[:3] *= -1.0
+    back = np.empty(4)
+    for k in range(3):
+        back[k] = p[k] * -1.0
+    back[3] = p[3]
     d = product(back, q)
     for k in (3, 0, 1, 2):
-        if d[k] != 0.0:
-            return d if d[k] > 0.0 else -d
+        if d[k] > 0.0:
+            return d
+        if d[k] < 0.0:
+            for j in range(4):
+                d[j] = -d[j]
+            return d
     return d
 
 
@@ -253,8 +305,8 @@ def turned(p, q, shares):  # type: ignore
         half = math.sqrt(x * x + y * y + z * z)
         square = half * half
         by = 0.5 - square / 48.0 + square * square / 3840.0 if half <= 1e-3 else math.sin(half / 2.0) / half
-        part[:] = x * by, y * by, z * by, math.cos(half / 2.0)
-        out[k] = product(p, part)
+        part[0], part[1], part[2], part[3] = x * by, y * by, z * by, math.cos(half / 2.0)
+        copied(product(p, part), out[k])
     return out
 
 

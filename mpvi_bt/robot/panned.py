@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from mpvi_bt.compiled import compiled
-from mpvi_bt.robot.kernels import distance, doubled, narrowed, rotate
+from mpvi_bt.robot.kernels import copied, distance, doubled, framed, identity, integer, narrowed, rotate, shifted
 
 WAYS = 8  # postures at one pan: two bends of the elbow, two of the shoulder, two of the wrist
 
@@ -23,29 +23,27 @@ def arm_frames(q, shoulder, offset, upper_arm, forearm, tcp):  # type: ignore
     A, B = np.empty((3, 3)), np.empty((3, 3))
     p = np.empty(3)
     for k in range(n):
-        A[:] = np.eye(3)
-        rotate(A, 2, math.cos(q[k, 0]), math.sin(q[k, 0]), B)
-        p[:] = shoulder
+        identity(A)
+        rotate(A, integer(2), math.cos(q[k, 0]), math.sin(q[k, 0]), B)
+        copied(shoulder, p)
         for frame in range(4):
             if frame == 1:
                 for i in range(3):
                     p[i] += B[i, 0] * offset[0] + B[i, 2] * offset[2]
-                rotate(B, 1, math.cos(q[k, 1]), math.sin(q[k, 1]), A)
-                rotate(A, 0, math.cos(q[k, 2]), math.sin(q[k, 2]), B)
+                rotate(B, integer(1), math.cos(q[k, 1]), math.sin(q[k, 1]), A)
+                rotate(A, integer(0), math.cos(q[k, 2]), math.sin(q[k, 2]), B)
             elif frame == 2:
-                p += upper_arm * B[:, 0]
-                rotate(B, 1, math.cos(q[k, 3]), math.sin(q[k, 3]), A)
-                rotate(A, 0, math.cos(q[k, 4]), math.sin(q[k, 4]), B)
+                shifted(p, upper_arm, B, integer(0))
+                rotate(B, integer(1), math.cos(q[k, 3]), math.sin(q[k, 3]), A)
+                rotate(A, integer(0), math.cos(q[k, 4]), math.sin(q[k, 4]), B)
             elif frame == 3:
-                p += forearm * B[:, 0]
-                rotate(B, 1, math.cos(q[k, 5]), math.sin(q[k, 5]), A)
-                rotate(A, 0, math.cos(q[k, 6]), math.sin(q[k, 6]), B)
-                p += tcp * B[:, 0]
-                A[:] = B
-                B[:, 0], B[:, 2] = -A[:, 2], A[:, 0]  # the fingers along z
-            out[k, frame, :3, :3] = B
-            out[k, frame, :3, 3] = p
-            out[k, frame, 3, 3] = 1.0
+                shifted(p, forearm, B, integer(0))
+                rotate(B, integer(1), math.cos(q[k, 5]), math.sin(q[k, 5]), A)
+                rotate(A, integer(0), math.cos(q[k, 6]), math.sin(q[k, 6]), B)
+                shifted(p, tcp, B, integer(0))
+                for i in range(3):
+                    B[i, 0], B[i, 2] = -B[i, 2], B[i, 0]  # the fingers along z
+            framed(B, p, out[k, frame])
     return out
 
 
@@ -76,11 +74,11 @@ def _posture(pan, way, T, shoulder, offset, a, b, tcp, limits, q):  # type: igno
     lift = math.atan2(math.cos(roll) * up, along) - math.atan2(w, u)
     q[1] = math.atan2(math.sin(lift), math.cos(lift))
     A, B = np.empty((3, 3)), np.empty((3, 3))
-    A[:] = np.eye(3)
-    rotate(A, 2, c, s, B)
-    rotate(B, 1, math.cos(q[1]), math.sin(q[1]), A)
-    rotate(A, 0, math.cos(roll), math.sin(roll), B)
-    rotate(B, 1, math.cos(elbow), math.sin(elbow), A)
+    identity(A)
+    rotate(A, integer(2), c, s, B)
+    rotate(B, integer(1), math.cos(q[1]), math.sin(q[1]), A)
+    rotate(A, integer(0), math.cos(roll), math.sin(roll), B)
+    rotate(B, integer(1), math.cos(elbow), math.sin(elbow), A)
     m00, m10, m20, m01, m02 = 0.0, 0.0, 0.0, 0.0, 0.0  # of the hand as the forearm sees it, x along the fingers
     for i in range(3):
         m00 += A[i, 0] * T[i, 2]
@@ -115,7 +113,7 @@ def arm_inverse(T, shoulder, offset, a, b, tcp, limits, pans):  # type: ignore
                         index, out = doubled(index, out)
                         room *= 2
                     index[found] = k
-                    out[found] = q
+                    copied(q, out[found])
                     found += 1
     return index[:found], out[:found]
 
@@ -131,14 +129,14 @@ def _off(pan, way, T, shoulder, offset, a, b, tcp, limits, near, weights, q):  #
 def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # type: ignore
     """Whether there is a posture for one target, and the one nearest to `near`: the best pan, then refined."""
     best, best_q, q = np.inf, np.zeros(7), np.empty(7)
-    step, at, way = (limits[0, 1] - limits[0, 0]) / pans, 0.0, -1
+    step, at, way = (limits[0, 1] - limits[0, 0]) / pans, 0.0, integer(-1)
     for i in range(-1, pans):
         pan = near[0] if i < 0 else limits[0, 0] + step * (i + 0.5)  # along a line it hardly changes
         for one in range(WAYS):
             total = _off(pan, one, T, shoulder, offset, a, b, tcp, limits, near, weights, q)
             if total < best:
                 best, at, way = total, pan, one
-                best_q[:] = q
+                copied(q, best_q)
     if way < 0:
         return False, best_q
     low, high, ratio = at - step, at + step, (math.sqrt(5.0) - 1) / 2
@@ -147,10 +145,10 @@ def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # typ
         one = _off(left, way, T, shoulder, offset, a, b, tcp, limits, near, weights, q)
         if one < best:
             best = one
-            best_q[:] = q
+            copied(q, best_q)
         two = _off(right, way, T, shoulder, offset, a, b, tcp, limits, near, weights, q)
         if two < best:
             best = two
-            best_q[:] = q
+            copied(q, best_q)
         low, high = narrowed(low, high, left, right, one, two, at)
     return True, best_q

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from mpvi_bt.compiled import compiled
-from mpvi_bt.robot.kernels import distance, doubled, narrowed, rotate
+from mpvi_bt.robot.kernels import copied, distance, doubled, framed, identity, integer, narrowed, rotate, shifted
 
 
 @compiled
@@ -22,25 +22,23 @@ def arm_frames(q, shoulder, upper_arm, forearm, tcp, roll):  # type: ignore
     A, B = np.empty((3, 3)), np.empty((3, 3))
     p = np.empty(3)
     for k in range(n):
-        A[:] = np.eye(3)
-        rotate(A, 1, math.cos(q[k, 0]), math.sin(q[k, 0]), B)
-        rotate(B, 0, math.cos(q[k, 1]), math.sin(q[k, 1]), A)
-        rotate(A, 2, math.cos(q[k, 2]), math.sin(q[k, 2]), B)
-        p[:] = shoulder
+        identity(A)
+        copied(shoulder, p)
+        rotate(A, integer(1), math.cos(q[k, 0]), math.sin(q[k, 0]), B)
+        rotate(B, integer(0), math.cos(q[k, 1]), math.sin(q[k, 1]), A)
+        rotate(A, integer(2), math.cos(q[k, 2]), math.sin(q[k, 2]), B)
         for frame in range(3):
             if frame == 1:
-                p -= upper_arm * B[:, 2]
-                rotate(B, 1, math.cos(q[k, 3]), math.sin(q[k, 3]), A)
-                rotate(A, 2, math.cos(q[k, 4]), math.sin(q[k, 4]), B)
+                shifted(p, -upper_arm, B, integer(2))
+                rotate(B, integer(1), math.cos(q[k, 3]), math.sin(q[k, 3]), A)
+                rotate(A, integer(2), math.cos(q[k, 4]), math.sin(q[k, 4]), B)
             elif frame == 2:
-                p -= forearm * B[:, 2]
-                rotate(B, 1, -math.cos(q[k, 5]), -math.sin(q[k, 5]), A)  # half a turn more
+                shifted(p, -forearm, B, integer(2))
+                rotate(B, integer(1), -math.cos(q[k, 5]), -math.sin(q[k, 5]), A)  # half a turn more
                 turn = q[k, 6] if roll == 2 else -q[k, 6]
                 rotate(A, roll, math.cos(turn), math.sin(turn), B)
-                p += tcp * B[:, 2]
-            out[k, frame, :3, :3] = B
-            out[k, frame, :3, 3] = p
-            out[k, frame, 3, 3] = 1.0
+                shifted(p, tcp, B, integer(2))
+            framed(B, p, out[k, frame])
     return out
 
 
@@ -50,8 +48,8 @@ def _prepared(T, shoulder, a, b, tcp, bend):  # type: ignore
 
     The elbow bends forward (negative) if `bend` is 0, backward if it is 1.
     """
-    axis, shortest = np.empty(3), np.eye(3)
-    to = np.empty(3)
+    axis, shortest, to = np.empty(3), np.empty((3, 3)), np.empty(3)
+    identity(shortest)
     for i in range(3):
         to[i] = T[i, 3] - tcp * T[i, 2] - shoulder[i]
     reach = math.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
@@ -59,7 +57,8 @@ def _prepared(T, shoulder, a, b, tcp, bend):  # type: ignore
     if not (abs(cosine) <= 1.0 and reach > 1e-6):
         return False, 0.0, to, shortest
     q4 = math.acos(cosine) if bend else -math.acos(cosine)
-    to /= reach
+    for i in range(3):
+        to[i] /= reach
     # The wrist in the shoulder's own frame, turned the shortest way onto where it has to be.
     x, z = -b * math.sin(q4) / reach, (-a - b * math.cos(q4)) / reach
     axis[0], axis[1], axis[2] = -z * to[1], z * to[0] - x * to[2], x * to[1]
@@ -141,8 +140,10 @@ def arm_inverse(T, shoulder, a, b, tcp, roll, limits, swivels):  # type: ignore
     room, found = max(64, T.shape[0] * 4), 0
     index, out = np.empty(room, np.int64), np.empty((room, 7))
     W, q = np.empty((3, 3)), np.empty(7)
-    turn = -math.pi + 2 * math.pi * np.arange(swivels) / swivels
-    c, s = np.cos(turn), np.sin(turn)
+    c, s = np.empty(swivels), np.empty(swivels)
+    for i in range(swivels):
+        turn = -math.pi + 2 * math.pi * i / swivels
+        c[i], s[i] = math.cos(turn), math.sin(turn)
     for k in range(T.shape[0]):
         for bend in range(2):
             good, q4, to, shortest = _prepared(T[k], shoulder, a, b, tcp, bend)
@@ -153,20 +154,20 @@ def arm_inverse(T, shoulder, a, b, tcp, roll, limits, swivels):  # type: ignore
                 _shoulder(c[i], s[i], to, shortest, W, q)
                 ready = False
                 for _ in range(2):
-                    if _within(q, limits, 0):
+                    if _within(q, limits, integer(0)):
                         if not ready:
                             _wrist(W, ce, se, T[k], roll, q)
                             ready = True
                         for _ in range(2):
-                            if _within(q, limits, 4):
+                            if _within(q, limits, integer(4)):
                                 if found == room:
                                     index, out = doubled(index, out)
                                     room *= 2
                                 index[found] = k
-                                out[found] = q
+                                copied(q, out[found])
                                 found += 1
-                            _other_way(q, 4, roll)
-                    _other_way(q, 0, roll)
+                            _other_way(q, integer(4), roll)
+                    _other_way(q, integer(0), roll)
     return index[:found], out[:found]
 
 
@@ -175,13 +176,13 @@ def _at_swivel(c, s, way, T, to, ce, se, shortest, roll, limits, near, weights, 
     """Distance from `near` of the posture at one swivel, split in the way 0..3; it is written to `q`."""
     _shoulder(c, s, to, shortest, W, q)
     if way >= 2:
-        _other_way(q, 0, roll)
-    if not _within(q, limits, 0):
+        _other_way(q, integer(0), roll)
+    if not _within(q, limits, integer(0)):
         return np.inf
     _wrist(W, ce, se, T, roll, q)
     if way % 2:
-        _other_way(q, 4, roll)
-    return distance(q, near, weights) if _within(q, limits, 4) else np.inf
+        _other_way(q, integer(4), roll)
+    return distance(q, near, weights) if _within(q, limits, integer(4)) else np.inf
 
 
 @compiled
@@ -189,7 +190,7 @@ def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # ty
     """Whether there is a posture for one target, and the one nearest to `near`: the best swivel, then refined."""
     best, best_q = np.inf, np.zeros(7)
     W, q = np.empty((3, 3)), np.empty(7)
-    step, at, way, bent = 2 * math.pi / swivels, 0.0, -1, 0
+    step, at, way, bent = 2 * math.pi / swivels, 0.0, integer(-1), integer(0)
     for bend in range(2):
         good, q4, to, shortest = _prepared(T, shoulder, a, b, tcp, bend)
         if not good or not (limits[3, 0] <= q4 <= limits[3, 1]):
@@ -200,18 +201,18 @@ def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # ty
             _shoulder(math.cos(psi), math.sin(psi), to, shortest, W, q)
             ready = False
             for first in range(2):
-                if _within(q, limits, 0):
+                if _within(q, limits, integer(0)):
                     if not ready:
                         _wrist(W, ce, se, T, roll, q)
                         ready = True
                     for second in range(2):
-                        if _within(q, limits, 4):
+                        if _within(q, limits, integer(4)):
                             total = distance(q, near, weights)
                             if total < best:
                                 best, at, way, bent = total, psi, 2 * first + second, bend
-                                best_q[:] = q
-                        _other_way(q, 4, roll)
-                _other_way(q, 0, roll)
+                                copied(q, best_q)
+                        _other_way(q, integer(4), roll)
+                _other_way(q, integer(0), roll)
     if way < 0:
         return False, best_q
     _, q4, to, shortest = _prepared(T, shoulder, a, b, tcp, bent)
@@ -223,12 +224,12 @@ def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # ty
         one = _at_swivel(math.cos(psi), math.sin(psi), way, T, to, ce, se, shortest, roll, limits, near, weights, W, q)
         if one < best:
             best = one
-            best_q[:] = q
+            copied(q, best_q)
         two = _at_swivel(
             math.cos(more), math.sin(more), way, T, to, ce, se, shortest, roll, limits, near, weights, W, q
         )
         if two < best:
             best = two
-            best_q[:] = q
+            copied(q, best_q)
         low, high = narrowed(low, high, psi, more, one, two, at)
     return True, best_q
