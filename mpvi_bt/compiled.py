@@ -34,6 +34,8 @@ def _listen() -> None:
     """Have numba say when it compiles."""
     from numba.core import event
 
+    register: Any = event.register  # has no types
+
     class Listener(event.Listener):
         """Counts what the outermost of nested compilations takes."""
 
@@ -53,7 +55,7 @@ def _listen() -> None:
             if self._depth == 0:
                 compiling.seconds += time.perf_counter() - self._began
 
-    event.register("numba:compile", Listener())
+    register("numba:compile", Listener())
 
 
 def compiled(function: Any, *signatures: Any) -> Any:

@@ -10,12 +10,13 @@ take a third of the time of slices and array expressions, and a constant argumen
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from mpvi_bt.compiled import compiled
 
-integer = np.int64  # integer(2) is an argument like any other; for each plain constant numba compiles a loop anew
+integer: Any = np.int64  # integer(2) is an argument like any other; for each plain constant numba compiles a loop anew
 
 
 @compiled
