@@ -79,6 +79,11 @@ CONSTRUCTS: dict[str, str] = {
     "`Script`": "<Script code=\"n := 3; room := 'hall'; n += 1\"/>",
     "`Script` that computes": '<Script code="n := m * 2"/>',
     "`ScriptCondition`": '<ScriptCondition code="n >= 2 &amp;&amp; n != 5"/>',
+    "conditions with `<`, `>`, and, or, not": (
+        "<ScriptCondition code=\"n > 2 || (m &lt; 5 &amp;&amp; !(k == 'a'))\"/>"
+    ),
+    "a key alone in a condition": '<ScriptCondition code="done"/>',
+    "a condition that computes": '<ScriptCondition code="n + 1 > m"/>',
     "`SetBlackboard`": '<SetBlackboard value="hall" output_key="room"/>',
     "`UnsetBlackboard`": '<UnsetBlackboard key="n"/>',
     "`_failureIf`": '<Say text="a" _failureIf="n == 1"/>',

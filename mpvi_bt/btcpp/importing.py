@@ -15,11 +15,12 @@ from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.parameters import Comparison, Value
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import equivalents, mapping, nav2
+from mpvi_bt.btcpp.condition_script import Condition, read_condition
 from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, place_of, tag_of
 from mpvi_bt.btcpp.format import check
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.btcpp.models import fill_in, models_of
-from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
+from mpvi_bt.btcpp.script import escaped, read_assignments
 from mpvi_bt.btcpp.subtree_ports import Calls
 from mpvi_bt.errors import FileProblems, Problem, shown
 from mpvi_bt.marked_yaml import Location, Marks, parse_marked
@@ -136,7 +137,7 @@ class _Tree:
         if tag in ("Script", "SetBlackboard"):
             return self._assignments(element, at)
         if tag == "ScriptCondition":
-            return self._comparison(element, at, "test", element)
+            return self._comparison(element, at)
         if tag == "ReactiveSequence" and (guarded := self._condition(element, at)):
             return guarded
         if tag in mapping.own_kinds():
@@ -232,7 +233,7 @@ class _Tree:
     def _assignments(self, element: Element, at: Location) -> dict[str, Any]:
         """A node that sets keys; of a script that sets several, a sequence of them."""
         attributes = element.attributes
-        if element.tag == "SetBlackboard":
+        if tag_of(element) == "SetBlackboard":
             text = attributes.get("value", "")
             value = self._decoded(element, "value", lambda: mapping.from_port(text, as_text=True))
             value = escaped(value) if value == text else value
@@ -254,31 +255,42 @@ class _Tree:
         ]
         return data
 
-    def _comparison(self, element: Element, at: Location, kind: str, script: Element) -> dict[str, Any]:
-        code = script.attributes.get("code", "")
-        found = read_comparison(code)
+    def _comparison(self, element: Element, at: Location) -> dict[str, Any]:
+        """A node that tests keys; of a script with several tests, a sequence or a selector of them."""
+        code = element.attributes.get("code", "")
+        found = read_condition(code)
         if found is None:
             message = f"this script has no equal here: {shown(code)}. One such as "
-            self.file.problem(script, "unmapped-script", message + '"cups >= 3 && cups != 5", of one key, has', "code")
+            self.file.problem(element, "unmapped-script", message + "\"cups > 3 && room != 'hall'\" has", "code")
             return _STAND_IN
-        return self._data(element, at, kind, found, dict.fromkeys(found, "code"))
+        for key in found.bare:
+            self.file.warn(element, "script", f"{key!r} alone is read as {key} == true", "code")
+        return self._tests(element, at, found)
+
+    def _tests(self, element: Element, at: Location, asked: Condition) -> dict[str, Any]:
+        if asked.test:
+            return self._data(element, at, "test", asked.test, dict.fromkeys(asked.test, "code"))
+        data = self._data(element, at, "sequence" if asked.every else "selector", {"memory": True}, {})
+        inner = replace(element, attributes={"code": element.attributes["code"]})
+        data["children"] = [self._tests(inner, (*at, "children", i), part) for i, part in enumerate(asked.parts)]
+        return data
 
     def _condition(self, element: Element, at: Location) -> dict[str, Any] | None:
         """The condition that a ReactiveSequence is, if our export named it so."""
         if len(element.children) != 2 or element.children[0].tag != "ScriptCondition":
             return None
-        found = read_comparison(element.children[0].attributes.get("code", ""))
-        if found is None:
+        found = read_condition(element.children[0].attributes.get("code", ""))
+        if found is None or not found.test:
             return None
         try:
-            label = node_types()["condition"].label_of("", Comparison.model_validate(found))
+            label = node_types()["condition"].label_of("", Comparison.model_validate(found.test))
         except ValueError:
             return None
         if element.attributes.get("name") != label:
             return None
         inner = Element(element.tag, {**element.attributes, "name": element.tag}, element.place, element.places)
         inner.children = element.children[1:]
-        return self._data(inner, at, "condition", found, {})
+        return self._data(inner, at, "condition", found.test, {})
 
     def _data(
         self, element: Element, at: Location, kind: str, given: dict[str, Any], ports: Mapping[str, str]
@@ -319,7 +331,7 @@ class _Tree:
         return data
 
     def _below(self, element: Element, at: Location, family: str, data: dict[str, Any]) -> None:
-        if family == "composite" and element.tag != "Script":
+        if family == "composite" and tag_of(element) not in ("Script", "ScriptCondition"):
             self._mark((*at, "children"), element)
             data["children"] = [self._node(child, (*at, "children", i)) for i, child in enumerate(element.children)]
         elif family == "decorator" and len(element.children) == 1:

@@ -19,9 +19,8 @@ Type = str  # "boolean", "integer", "number" or "text"
 
 _KEYWORDS = ("true", "false")
 _SIGNS = {"equals": "==", "not_equals": "!=", "at_least": ">=", "at_most": "<="}
-_LITERAL = r"-?\s*[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?|'[^']*'|[a-z][a-z0-9_]*"
-_COMPARISON = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(==|!=|>=|<=)\s*({_LITERAL})\s*(?:&&|$)")
-_STATEMENT = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(:=|=|\+=|-=)\s*({_LITERAL})\s*(?:;\s*|$)")
+LITERAL = r"-?\s*[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?|'[^']*'|[a-z][a-z0-9_]*"
+_STATEMENT = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(:=|=|\+=|-=)\s*({LITERAL})\s*(?:;\s*|$)")
 _TEXT = re.compile("'[^']*'")
 _IDENTIFIER = re.compile(r"(?<![\w@])[A-Za-z_@]\w*")
 _SET = re.compile(rf"({_IDENTIFIER.pattern})\s*(?::=|[-+*/]?=(?!=))")
@@ -110,27 +109,13 @@ def first_value(key: str, value: Value, held: Type | None) -> tuple[str, dict[st
     return "Script", {"code": f"{key} := {literal}"}
 
 
-def read_comparison(code: str) -> dict[str, Any] | None:
-    """The parameters of a comparison that a script makes; None if it is not one of ours."""
-    found: dict[str, Any] = {}
-    at = 0
-    names = {sign: name for name, sign in _SIGNS.items()}
-    while match := _COMPARISON.match(code, at):
-        key, sign, literal = match.groups()
-        if found.setdefault("key", key) != key or names[sign] in found or key in _KEYWORDS:
-            return None
-        found[names[sign]] = _value(literal)
-        at = match.end()
-    return found if found and at == len(code) and not code.rstrip().endswith("&&") else None
-
-
 def read_assignments(code: str) -> list[dict[str, Any]] | None:
     """The parameters of the assignments that a script makes; None if it does anything else."""
     found: list[dict[str, Any]] = []
     at = 0
     while match := _STATEMENT.match(code, at):
         key, sign, literal = match.groups()
-        value = _value(literal)
+        value = literal_value(literal)
         if sign in (":=", "="):
             found.append({"key": key, "value": value})
         elif isinstance(value, int | float) and not isinstance(value, bool):
@@ -164,7 +149,8 @@ def _literal(value: Value) -> str | None:
     return None if "'" in value or "$" in value else f"'{value}'"
 
 
-def _value(literal: str) -> Value:
+def literal_value(literal: str) -> Value:
+    """A number, a truth value, a text in quotes, or a key as a reference."""
     if literal in _KEYWORDS:
         return literal == "true"
     if literal[0] == "'":
