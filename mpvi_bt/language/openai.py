@@ -6,6 +6,7 @@ Responses are untrusted: bounded in size and time, parsed here, and freed of sec
 from __future__ import annotations
 
 import base64
+import logging
 import os
 import re
 import time
@@ -17,21 +18,35 @@ from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.extras import install
 from mpvi_bt.language.chat import Answer, Message, Schema
 from mpvi_bt.language.endpoint import KEY, find_endpoint
-from mpvi_bt.language.response import Said, line, names_blindness, names_form, read_answer, read_error
+from mpvi_bt.language.response import (
+    Said,
+    line,
+    names_blindness,
+    names_form,
+    read_answer,
+    read_error,
+    says_loading,
+)
+from mpvi_bt.language.turns import SHAPES, TOLD, Turn, names_roles, says_nothing, taken_by
 
 TIMEOUT_S = 60.0  # Our choice: a model that thinks takes some ten seconds
 CONNECT_S = 5.0
 RETRIES = 2  # Our choice: the SDK's. It waits longer each time, or as long as the server asks, two minutes at most
 MOST_BYTES = 4 * 2**20  # of a response; a plan takes some kB, and a model that thinks some hundred more
 
+LOADING_S = 120.0  # Our choice: a large model is read from a disk in a minute or two
+_LOOK_S = 1.0  # between two looks whether it is loaded
+
 _FORMS = ("json_schema", "json_object", "plain")  # in which an answer is asked for, the most exact first
+_log = logging.getLogger(__name__)
 
 
 class OpenAIModel:
     """Asks over HTTP; the SDK tries again after 408, 409, 429, 5xx and broken connections.
 
     Where a schema is wanted, the answer is asked for by JSON Schema; of a server that refuses this, or breaks at it, as
-    a JSON object; of one that refuses that, plainly. What a server was found to take is kept to from then on.
+    a JSON object; of one that refuses that, plainly. What a server was found to take is kept to from then on, and so is
+    what roles a model takes (`mpvi_bt.language.turns`).
 
     A proxy that the environment names leads to it, unless it is on this machine.
 
@@ -65,6 +80,7 @@ class OpenAIModel:
         self._hide = self._endpoint.secrets.hide
         self._sdk = openai
         self._form = 0  # where to begin in _FORMS
+        self._waits = False  # told that it loads its model
         self._proxy = proxies.proxy_for(self._endpoint.url)
         self._client = openai.OpenAI(
             api_key="unused",  # what is sent is said with every request, so that no client has it
@@ -81,29 +97,49 @@ class OpenAIModel:
         self._endpoint.secrets.guard_logs()
 
     def ask(self, messages: Sequence[Message], schema: Schema | None = None) -> Answer:
-        """As `ChatModel` says. Takes (retries + 1) * 2 * timeout_s at most, and the waits between."""
+        """As `ChatModel` says. Takes (retries + 1) * 2 * timeout_s at most for each request, and the waits between."""
         began = time.monotonic()
-        spoken = [_spoken(message) for message in messages]
-        forms = _FORMS[self._form :] if schema is not None else _FORMS[-1:]
-        known = True  # that it was the forms which did not work
-        for form in forms:
-            said, tries = self._post(spoken, form, schema)
-            # A failure may be about the form; it is not if the plain question fails as well.
-            if isinstance(said, Said) or form == forms[-1]:
-                break
-            refused = said.reason == "refused" or names_form(self._told(said))
-            if not refused and not (said.reason == "server_error" and tries):
-                break
-            known = known and refused
+        turns = [_spoken(message) for message in messages]
+        taken = taken_by(self._endpoint.url, self._model)
+        shape: int | None = taken.shape
+        while shape is not None:
+            sent = shape
+            said, tries = self._in_some_form(SHAPES[sent](turns), schema)
+            shape = taken.next_shape(turns, sent) if isinstance(said, ModelError) else None
+            if isinstance(said, ModelError) and not names_roles(self._told(said)):
+                silent = not taken.known and says_nothing(str(said))
+                taken.known = taken.known or (silent and shape is None)
+                shape = shape if silent else None
         latency_s = time.monotonic() - began
         if isinstance(said, ModelError):
             if any(message.png for message in messages) and self._is_blind(said):
                 said = ModelError("no_pictures", f"{self.name} sees no pictures: {said}", tokens=said.tokens)
             said.latency_s = latency_s
             raise said
-        if schema is not None and known:
-            self._form = max(self._form, _FORMS.index(form))
+        if sent > taken.shape:
+            _log.warning("mpvi: %s: %s", self.name, TOLD[sent])
+        taken.shape, taken.known = max(sent, taken.shape), True
         return Answer(said.text, said.model or self._model, latency_s, said.tokens_in, said.tokens_out, tries=tries)
+
+    def _in_some_form(self, turns: list[Turn], schema: Schema | None) -> tuple[Said | ModelError, int]:
+        """One question, its answer asked for in less and less exact forms; as `_post`."""
+        forms = _FORMS[self._form :] if schema is not None else _FORMS[-1:]
+        known = True  # that it was the forms which did not work
+        for form in forms:
+            said, tries = self._post(turns, form, schema)
+            # A failure may be about the form; it is not if the plain question fails as well.
+            if isinstance(said, Said) or form == forms[-1]:
+                break
+            told = self._told(said)
+            refused = said.reason == "refused" or names_form(told)
+            if not refused and not (said.reason == "server_error" and tries):
+                break
+            if names_roles(told) and not names_form(told):
+                break
+            known = known and refused
+        if isinstance(said, Said) and schema is not None and known:
+            self._form = max(self._form, _FORMS.index(form))
+        return said, tries
 
     def _told(self, failure: ModelError) -> str:
         """What is told of a failure, without names of ours: a model may be called after its faculties."""
@@ -114,18 +150,33 @@ class OpenAIModel:
         said_so = failure.reason in ("refused", "server_error", "bad_answer", "unknown_model")
         return said_so and names_blindness(self._told(failure))
 
-    def _post(self, messages: list[Any], form: str, schema: Schema | None) -> tuple[Said | ModelError, int]:
+    def _post(self, turns: list[Turn], form: str, schema: Schema | None) -> tuple[Said | ModelError, int]:
         """One question, and all that is tried for it: what came of it, and how many tries a successful response took.
 
-        A failure is returned, with nothing in its chain: the SDK's errors have the request in them, and the request the
-        key. After one by the protocol, or of the connection, the number is 0.
+        A server that still loads its model is waited for. A failure is returned, with nothing in its chain: the SDK's
+        errors have the request in them, and the request the key. After one by the protocol, or of the connection, the
+        number is 0.
         """
-        asked: dict[str, Any] = {"model": self._model, "messages": messages}
+        asked: dict[str, Any] = {"model": self._model, "messages": turns}
         if form == "json_schema":
             wanted = {"name": "answer", "schema": dict(schema or {}), "strict": True}
             asked["response_format"] = {"type": form, "json_schema": wanted}
         elif form == "json_object":
             asked["response_format"] = {"type": form}
+        until = time.monotonic() + LOADING_S
+        while True:
+            said, tries = self._post_once(asked)
+            if isinstance(said, Said) or not says_loading(self._told(said)):
+                return said, tries
+            if time.monotonic() > until:
+                what = f"{self._endpoint.url} still loads its model after {LOADING_S:g} s: ask again once it is there"
+                return ModelError("model_timeout", f"{what} ({said})."), tries
+            if not self._waits:
+                _log.warning("mpvi: %s loads its model: waiting, %g s at most", self._endpoint.url, LOADING_S)
+            self._waits = True
+            time.sleep(_LOOK_S)
+
+    def _post_once(self, asked: dict[str, Any]) -> tuple[Said | ModelError, int]:
         try:
             answer = self._client.chat.completions.with_raw_response.create(
                 **asked, extra_headers={"Authorization": self._endpoint.authorization or self._sdk.omit}
@@ -227,7 +278,7 @@ def _tried(error: Exception) -> str:
     return f", tried {int(again) + 1} times" if again.isdigit() and int(again) else ""
 
 
-def _spoken(message: Message) -> Mapping[str, Any]:
+def _spoken(message: Message) -> Turn:
     """A message as the protocol has it; the picture as a data URL."""
     text = message.text.encode("utf-8", "replace").decode()  # half a surrogate pair can't be sent
     if message.png is None:

@@ -18,12 +18,17 @@ _WHOLE = ("", "stop", "eos", "eos_token", "stop_sequence", "stop_token", "end_tu
 _CUT = ("length", "max_tokens", "max_output_tokens", "model_length", "model_context_window_exceeded")
 _FILTERED = ("content_filter", "safety", "recitation", "prohibited_content", "blocklist", "spii", "refusal")
 _MESSAGE = ("message", "detail", "error", "error_msg", "msg")  # in which errors say what is wrong
+_KINDS = {list: "parts of other kinds than text", dict: "an object", bool: "true or false"}
 _ASIDE = ("reasoning_content", "reasoning", "thinking")  # what vLLM, DeepSeek, OpenRouter and Ollama call thinking
 
 # How servers say that they do not know a form of answers, whatever the status.
 _FORM = re.compile(
     r"response.?format|json.?(?:schema|object|mode)|structured.?(?:output|decoding)|guided.?\w|grammar|\bschema",
     re.IGNORECASE,
+)
+# How they say that it is not loaded yet: llama.cpp "Loading model", gateways in other words.
+_LOADING = re.compile(
+    r"\(503\):.*(?:\bloading\b|\bwarming up\b|\bstarting up\b|not (?:yet )?(?:loaded|ready))", re.IGNORECASE
 )
 # How they say that a model does not see: of pictures and what it cannot, or in words of their own.
 _PICTURES = re.compile(r"image|picture|vision|visual|multi.?modal", re.IGNORECASE)
@@ -74,7 +79,9 @@ def read_answer(text: str, url: str, hide: Callable[[str], str]) -> Said | Model
     tokens_in = tokens_out = 0
     data = _parsed(text)
     if not isinstance(data, dict):
-        return bad(f"answers with {_kind(text)}, not with a chat completion; an API's address often ends in /v1.")
+        kind = _kind(text)
+        why = "turn streaming off there" if kind == _STREAM else "an API's address often ends in /v1"
+        return bad(f"answers with {kind}, not with a chat completion; {why}.")
     usage = data.get("usage")
     if isinstance(usage, dict):
         tokens_in, tokens_out = _count(usage.get("prompt_tokens")), _count(usage.get("completion_tokens"))
@@ -100,16 +107,31 @@ def read_answer(text: str, url: str, hide: Callable[[str], str]) -> Said | Model
         return bad(f"broke the answer off: finish_reason {line(hide(json.dumps(finish)))}.", "server_error")
     content = message.get("content")
     if isinstance(content, list):  # some servers answer in parts
-        content = "".join(
-            part["text"] for part in content if isinstance(part, dict) and isinstance(part.get("text"), str)
-        )
+        texts = [part["text"] for part in content if isinstance(part, dict) and isinstance(part.get("text"), str)]
+        content = "".join(texts) if texts or not content else content
     if not isinstance(content, str) or not content.strip():
-        aside = next((key for key in _ASIDE if isinstance(message.get(key), str) and message[key].strip()), "")
-        where = f", but for {aside}: its server takes all of it for thinking, and should not" if aside else ""
-        return bad(f"answers with nothing{where}.")
+        return bad(_instead(message, content, hide))
     model = data.get("model")
     name = line(hide(model)) if isinstance(model, str) else ""
     return Said(hide(_whole(content)), name, tokens_in, tokens_out)
+
+
+def _instead(message: dict[str, Any], content: Any, hide: Callable[[str], str]) -> str:
+    """What an answer without text has instead."""
+    calls = message.get("tool_calls") or message.get("function_call")
+    if calls:
+        call = calls[0] if isinstance(calls, list) else calls
+        call = call.get("function", call) if isinstance(call, dict) else {}
+        name = call.get("name") if isinstance(call, dict) else None
+        which = f" {line(hide(name))!r}" if isinstance(name, str) else ""
+        return f"answers with a call of a tool{which} where text is due, though no tools were offered."
+    if content is not None and not isinstance(content, str):
+        return (
+            f"answers with {_KINDS.get(type(content), 'a number')} where text is due: {line(hide(json.dumps(content)))}"
+        )
+    aside = next((key for key in _ASIDE if isinstance(message.get(key), str) and message[key].strip()), "")
+    where = f", but for {aside}: its server takes all of it for thinking, and should not" if aside else ""
+    return f"answers with nothing{where}."
 
 
 def read_error(text: str, hide: Callable[[str], str]) -> tuple[str, str]:
@@ -141,6 +163,11 @@ def names_blindness(told: str) -> bool:
     return all(pattern.search(told) for pattern in (_PICTURES, _CANNOT)) and not _ONE_PICTURE.search(told)
 
 
+def says_loading(told: str) -> bool:
+    """Whether a server says that its model is not there yet, but will be."""
+    return _LOADING.search(told) is not None
+
+
 def _message(error: Any, hide: Callable[[str], str]) -> str:
     """What an error says, in any of the ways that servers have; of a gateway also what the server behind it says."""
     behind = error.get("metadata") if isinstance(error, dict) else None  # as OpenRouter has it
@@ -161,13 +188,16 @@ def _parsed(text: str) -> Any:
         return None
 
 
+_STREAM = "a stream of events, though none was asked for"
+
+
 def _kind(text: str) -> str:
     """What a text is that is not the JSON that was due."""
     begin = text.lstrip()[:100].lower()
     if begin.startswith(("<!doctype html", "<html", "<?xml", "<")):
         return "a web page"
     if begin.startswith(("data:", "event:", ": ")):
-        return "a stream of events"
+        return _STREAM
     if begin.startswith(("{", "[")):
         return "broken JSON"
     return "text" if begin else "nothing"
