@@ -145,7 +145,7 @@ class Judgement:
         complete: The answer.
         reason: One line.
         latency_s: Time that the answer took, and takes in simulated time; 0: it arrives in the same tick.
-        fault: Code, such as "bad_answer" or "refused", if this is a no for lack of an answer.
+        fault: Code, such as "bad_answer" or "refused", if there is no answer: it is counted as neither yes nor no.
         cost: Of a language model's answer, or None.
     """
 

@@ -18,6 +18,7 @@ from mpvi_bt.choices.checkers import make_checker
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.language_models import Models
 from mpvi_bt.completion.judge import LanguageChecker, png
+from mpvi_bt.episode.queries import count_queries, queries_text
 from mpvi_bt.executive.loop import run_episode
 from mpvi_bt.language.exchanges import KeptModel
 from mpvi_bt.language.openai import OpenAIModel
@@ -92,7 +93,7 @@ def test_the_picture_and_the_statement_get_there(server: ChatServer) -> None:
         (Reply(completion("yes"), drip=(1, 0.05)), "model_timeout"),
     ],
 )  # fmt: skip
-def test_what_is_no_answer_is_a_no_and_is_counted(server: ChatServer, reply: Any, fault: str) -> None:
+def test_what_is_no_answer_confirms_nothing_and_is_counted(server: ChatServer, reply: Any, fault: str) -> None:
     """Within the time that it is given; the episode goes on."""
     server.answers([reply])
     timeout_s = 0.5 if fault == "model_timeout" else 60.0
@@ -122,6 +123,60 @@ def test_a_server_that_is_away_is_a_no_and_one_that_wants_another_key_ends_the_e
         assert "\n" not in outcome.failure.evidence
         assert "sk-not" not in outcome.failure.evidence
         assert [q.complete for q in outcome.log.queries] == [False], "what was done is kept"
+
+
+REFUSALS = [
+    failure(400, "the image cannot be read"),
+    completion(None, refusal="I do not look at pictures"),
+    completion(None, "content_filter"),
+    completion("I'm sorry, but I can't assist with that."),
+    completion("I\u2019m unable to view images."),
+]
+
+
+@pytest.mark.parametrize("reply", REFUSALS, ids=range(len(REFUSALS)))
+def test_a_model_that_refuses_every_question_is_at_fault(server: ChatServer, reply: Any) -> None:
+    """However it says so: the episode ends soon, as a fault of the backend that is named, without a "no"."""
+    server.answers([reply])
+    name = f"openai:tiny@{server.url}"
+    made = bench(LanguageChecker(OpenAIModel("tiny", server.url, retries=0)), *range(0, 3000, 30))
+    outcome = run_episode(made.tree, made.world, made.context, max_time_s=90)
+    assert outcome.ending == "backend_error"
+    assert outcome.failure is not None
+    assert outcome.failure.reason == "refused"
+    assert outcome.failure.evidence.startswith(f"{name} refused each of 3 questions. The last one: ")
+    assert len(server.requests) == 3
+    assert [(query.said, query.fault) for query in outcome.log.queries] == [("no answer", "refused")] * 2
+    counted = count_queries(outcome.log.queries, [True, True], made.tree.spec)
+    assert (counted.refused, counted.false_no) == (2, 0)
+    assert ", 0 yes, 0 no, 2 refused" in queries_text([counted])
+
+
+@pytest.mark.parametrize("reply", REFUSALS, ids=range(len(REFUSALS)))
+def test_a_model_that_answered_may_refuse(server: ChatServer, reply: Any) -> None:
+    """Some pictures are such, others are looked at. What is asked at once fails by the refusal's code, not by a no."""
+    server.answers(["no", *[reply] * 5, "yes"])
+    made = bench(LanguageChecker(OpenAIModel("tiny", server.url, retries=0)), *range(0, 3000, 30))
+    assert run_episode(made.tree, made.world, made.context, max_time_s=90).ending == "success"
+    server.answers([reply])
+    made = Bench(f"check_complete: {HELD}\nat_once: true")
+    made.context.checker = LanguageChecker(OpenAIModel("tiny", server.url, retries=0))
+    assert made.run(60) == Status.FAILURE
+    assert made.tree.failure is not None
+    assert made.tree.failure.reason == "refused"
+
+
+def test_an_episode_that_ends_with_nothing_but_refusals_is_no_failure_of_the_robot(server: ChatServer) -> None:
+    """Even where there were fewer than the checker itself waits for."""
+    server.answers(REFUSALS[:1])
+    made = bench(LanguageChecker(OpenAIModel("tiny", server.url, retries=0)), 3)
+    outcome = run_episode(made.tree, made.world, made.context, max_time_s=5)
+    assert outcome.ending == "backend_error"
+    assert outcome.failure is not None
+    assert "refused every question (1): refused: " in outcome.failure.evidence
+    server.answers(["no"])
+    made = bench(LanguageChecker(OpenAIModel("tiny", server.url, retries=0)), 3)
+    assert run_episode(made.tree, made.world, made.context, max_time_s=5).ending == "time_limit"
 
 
 def test_an_episode_from_file_ticks_as_the_live_one_did(server: ChatServer, tmp_path: Path) -> None:

@@ -23,8 +23,8 @@ COST = Cost("tiny", 900, 2)
 
 
 def query(complete: bool, fault: str = "", latency_s: float = 0.0, cost: Cost | None = None) -> Query:
-    """One question."""
-    return Query("c", "grasp", "head", complete, "r", "t/check", 0.0, latency_s, fault, cost)
+    """One question; without an answer there is no yes."""
+    return Query("c", "grasp", "head", complete and not fault, "r", "t/check", 0.0, latency_s, fault, cost)
 
 
 ASKED = st.builds(
@@ -43,9 +43,10 @@ def test_every_question_is_counted_once(asked: list[tuple[Query, bool | None]]) 
     counted = count_queries(queries, truths, tree(PICK).spec)
     assert (counted.units, counted.asked) == (1, len(asked))
     assert counted.yes == sum(q.complete for q in queries)
-    right = sum(q.complete is t for q, t in asked)
-    assert counted.false_yes + counted.false_no + counted.unknown + right == counted.asked
-    assert counted.malformed + counted.refused + counted.errors == sum(bool(q.fault) for q in queries)
+    right = sum(q.complete is t for q, t in asked if not q.fault)
+    faults = counted.malformed + counted.refused + counted.errors
+    assert counted.false_yes + counted.false_no + counted.unknown + right + faults == counted.asked
+    assert faults == sum(bool(q.fault) for q in queries)
     assert counted.tokens_in == 900 * sum(q.cost is not None for q in queries)
     assert counted.kept <= counted.asked
     assert bool(queries_text([counted])) == bool(asked)
@@ -64,7 +65,7 @@ def test_questions_are_told_on_one_line() -> None:
     full = Queries(units=2, asked=9, yes=3, false_yes=1, false_no=2, malformed=1, refused=1, errors=1, latency_s=4.5,
                    tokens_in=900, tokens_out=9, kept=3)  # fmt: skip
     assert queries_text([full, Queries(units=1)]) == (
-        "9 asked in 3 units, 3 yes (1 false), 6 no (2 false), 1 neither yes nor no, 1 refused, 1 without an answer, "
+        "9 asked in 3 units, 3 yes (1 false), 3 no (2 false), 1 neither yes nor no, 1 refused, 1 without an answer, "
         "4.5 s waited for, 909 tokens, 3 answers from file"
     )
 

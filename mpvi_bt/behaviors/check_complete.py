@@ -18,7 +18,7 @@ from mpvi_bt.robot.protocol import CameraImage, other
 
 
 class CheckComplete(Leaf):
-    """SUCCESS once an event fired and the checker confirmed; a no lets things go on (Paper, Completion Checker).
+    """SUCCESS once an event fired and the checker confirmed; else things go on (Paper, Completion Checker).
 
     The skill's file says which events ask, and whose camera then sees the result. Without a skill any event asks, a
     grasp with the wrist camera, the others with the head's (Paper, Proprioceptive trigger: general heuristics for all
@@ -32,7 +32,8 @@ class CheckComplete(Leaf):
         name: In the tree.
         criterion: A state, such as "the trash can is held in a gripper".
         skill: Name of the primitive that ends the group, or None.
-        at_once: Ask once, at the first tick, by the head's picture; FAILURE with reason "not_complete" on a no.
+        at_once: Ask once, at the first tick, by the head's picture; FAILURE with reason "not_complete" on a no,
+            and with the fault's code where there was no answer.
     """
 
     stops_robot = False
@@ -76,10 +77,11 @@ class CheckComplete(Leaf):
         if self._open is None and self._due is not None:
             self._ask(self._due)
             self._due = None
-        if self._open is not None and self._answered(*self._open):
+        said = self._answer(*self._open) if self._open is not None else None
+        if said is not None and said.complete:
             return Status.SUCCESS
-        if self.at_once and self._open is None:
-            return self.fail("not_complete", self.feedback_message)
+        if self.at_once and said is not None:
+            return self.fail(said.fault or "not_complete", self.feedback_message)
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
@@ -138,30 +140,29 @@ class CheckComplete(Leaf):
         self.feedback_message = f"asked {self._asked}: no answer yet"
         context.asking.add(question)
 
-    def _answered(self, event: TriggerEvent, camera: str | None, question: Question[Judgement]) -> bool:
-        """Whether the answer is there and is a yes."""
+    def _answer(self, event: TriggerEvent, camera: str | None, question: Question[Judgement]) -> Query | None:
+        """The question with its answer, once that is there."""
         context = self.context
         with context.stopwatch("checker"):
             judged = question.answer()
         if judged is None:
-            return False
+            return None
         self._close()
-        context.log.queries.append(
-            Query(
-                self._asked_about,
-                event.kind,
-                camera,
-                judged.complete,
-                judged.reason,
-                self.path,
-                question.asked_s,
-                judged.latency_s,
-                judged.fault,
-                judged.cost,
-            )
+        query = Query(
+            self._asked_about,
+            event.kind,
+            camera,
+            judged.complete,
+            judged.reason,
+            self.path,
+            question.asked_s,
+            judged.latency_s,
+            judged.fault,
+            judged.cost,
         )
-        self.feedback_message = f"asked {self._asked}: {'yes' if judged.complete else 'no'}, {judged.reason}"
-        return judged.complete
+        context.log.queries.append(query)
+        self.feedback_message = f"asked {self._asked}: {query.said}, {query.reason}"
+        return query
 
     def _close(self) -> None:
         if self._open is not None:

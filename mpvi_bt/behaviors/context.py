@@ -82,6 +82,11 @@ class Query:
     fault: str = ""
     cost: Cost | None = None
 
+    @property
+    def said(self) -> str:
+        """As a person is told it: a question without an answer got no "no"."""
+        return "yes" if self.complete else "no answer" if self.fault else "no"
+
 
 @dataclass(frozen=True)
 class Notice:

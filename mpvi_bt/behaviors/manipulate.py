@@ -98,13 +98,13 @@ class Manipulate(Leaf):
                 context.blackboard[GRIP] = f"{kind} {side}"
 
     def _refused(self) -> str:
-        """What the checker beside this node last said no to since the handoff, and why; "" if it did not."""
+        """What the checker beside this node last did not confirm since the handoff, and why; "" if nothing."""
         beside = self.path.rpartition("/")[0] + "/"
         for query in reversed(self.context.log.queries):
             if query.time_s < self._since_s:
                 break
             if query.path.startswith(beside) and not query.complete:
-                return f'"{query.criterion}": no, {query.reason}'
+                return f'"{query.criterion}": {query.said}, {query.reason}'
         return ""
 
     def _infer(self, body: Proprioception) -> Array:

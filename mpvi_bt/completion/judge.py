@@ -12,13 +12,14 @@ from mpvi_bt.cost import Cost
 from mpvi_bt.errors import ModelError, shown
 from mpvi_bt.language.chat import ChatModel, Message
 from mpvi_bt.language.thinking import spoken
-from mpvi_bt.language.verdict import parse_yes_no
+from mpvi_bt.language.verdict import is_refusal, parse_yes_no
 from mpvi_bt.protocols import Judgement
 from mpvi_bt.robot.protocol import CameraImage
 
 LONGEST_PX = 512  # of a picture's sides; what is larger is made smaller
 _MOST_CHARACTERS = 600  # of a statement
-# Asking again would not help: the episode ends. Any other failure may pass, and is a no.
+REFUSALS = 3  # Our choice: one or two pictures may be such as no model looks at
+# Asking again would not help: the episode ends. Any other failure may pass.
 FATAL = ("no_key", "wrong_key", "unknown_model", "no_pictures", "over_budget", "not_recorded")
 
 _SYSTEM = """\
@@ -38,9 +39,10 @@ _CAMERAS: Mapping[str, str] = {
 class LanguageChecker:
     """Asks a vision-language model (implements `Checker`; the VLM of the paper's Completion Checker).
 
-    A yes is a yes by `parse_yes_no`. Any other answer is a no, with the fault "bad_answer" if it is not a plain no; a
-    refusal or a timeout is a no with that fault. The episode goes on, and the result counts them (Paper: a false
-    positive cascades, a false negative costs time).
+    A yes is a yes by `parse_yes_no`, and a no a no. Any other answer confirms nothing, has the fault "bad_answer" or
+    "refused", and is counted as that and as no "no"; so is a question without an answer, such as after a timeout. The
+    episode goes on (Paper: a false positive cascades, a false negative costs time), unless a model refuses the first
+    `REFUSALS` questions: it will refuse the others.
 
     The criterion is untrusted data: it comes from a plan, which a language model may have written. It is quoted, and
     plays no part in reading the answer.
@@ -57,12 +59,13 @@ class LanguageChecker:
     def __init__(self, model: ChatModel) -> None:
         """Ask `model`."""
         self.name, self._model = model.name, model
+        self._refused: int | None = 0  # questions so far, all of them; None: it has answered one
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """Whether the model says that the picture shows `criterion`.
 
         Raises:
-            ModelError: One of `FATAL`: it may not be asked at all.
+            ModelError: One of `FATAL`: it may not be asked at all; or "refused": it refuses all that it is asked.
         """
         if image is None:
             return Judgement(False, "no picture to look at")
@@ -72,15 +75,28 @@ class LanguageChecker:
             if error.reason in FATAL:
                 raise
             spent = Cost(self.name, error.tokens) if error.tokens else None
+            self._count(error.reason == "refused", error)
             return Judgement(False, f"{error.reason}: {error}"[:300], error.latency_s, error.reason, spent)
         said, latency_s = parse_yes_no(answer.text), answer.latency_s
         cost = Cost(answer.model, answer.tokens_in, answer.tokens_out, answer.kept)
         if said is None:
             text = spoken(answer.text)
+            if is_refusal(text):
+                reason = f"{self.name} refuses: {shown(text)}"
+                self._count(True, reason)
+                return Judgement(False, reason, latency_s, "refused", cost)
             aside = "" if text else ", and nothing but thinking"
             reason = f"{self.name} answers neither yes nor no{aside}: {shown(text or answer.text)}"
             return Judgement(False, reason, latency_s, "bad_answer", cost)
+        self._refused = None
         return Judgement(said, f"{self.name} says {'yes' if said else 'no'}", latency_s, cost=cost)
+
+    def _count(self, refused: bool, why: object) -> None:
+        """Count a refusal. Raises ModelError if there was nothing else."""
+        if refused and self._refused is not None:
+            self._refused += 1
+            if self._refused == REFUSALS:
+                raise ModelError("refused", f"{self.name} refused each of {REFUSALS} questions. The last one: {why}")
 
 
 def question(criterion: str, image: CameraImage) -> list[Message]:

@@ -59,6 +59,6 @@ class MistakenChecker:
         judged, errors = self._checker.check(criterion, image), self._errors
         judged = replace(judged, latency_s=judged.latency_s + errors.latency)
         draws = np.random.default_rng([self._seed, zlib.crc32(criterion.encode()), self._clock.steps])
-        if draws.random() >= (errors.fn if judged.complete else errors.fp):
+        if judged.fault or draws.random() >= (errors.fn if judged.complete else errors.fp):
             return judged
         return replace(judged, complete=not judged.complete, reason=f"by mistake; {judged.reason}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from mpvi_bt.marked_yaml import Amount, Count, Record
@@ -23,7 +22,8 @@ class Queries(Record):
         false_yes, false_no: Answers that were wrong when they came, by the simulator's state; read afterwards, for the
             count alone. A false yes ends a unit that is not done.
         unknown: Answers of which the simulator does not know whether they were right.
-        malformed: Answers of a language model that were neither yes nor no; each counted as a no.
+        malformed: Answers of a language model that were neither yes nor no. The unit goes on as after a no, but they
+            are none.
         refused: Questions that a language model refused to answer, likewise.
         errors: Questions that got no answer for another reason, likewise.
         latency_s: Sum of the times that answers took.
@@ -57,7 +57,8 @@ def count_queries(queries: Sequence[Query], truths: Sequence[bool | None], tree:
         tree: That was run.
     """
     faults = Counter(query.fault for query in queries if query.fault)
-    judged = list(zip_longest([query.complete for query in queries], truths[: len(queries)]))
+    known = [*truths, *[None] * len(queries)]
+    judged = [(query.complete, truth) for query, truth in zip(queries, known, strict=False) if not query.fault]
     costs = [query.cost for query in queries if query.cost is not None]
     return Queries(
         units=sum(placed.spec.kind == "check_complete" for placed in tree.nodes),
@@ -86,13 +87,13 @@ def queries_text(counted: Iterable[Queries]) -> str:
         last_fault = queries.last_fault or last_fault
     if not total["asked"]:
         return ""
-    no = total["asked"] - total["yes"]
+    faults = {"malformed": "neither yes nor no", "refused": "refused", "errors": "without an answer"}
+    no = total["asked"] - total["yes"] - sum(total[key] for key in faults)
     parts = [
         f"{total['asked']} asked in {total['units']} unit{'s' * (total['units'] != 1)}",
         f"{total['yes']} yes" + (f" ({total['false_yes']} false)" if total["false_yes"] else ""),
         f"{no} no" + (f" ({total['false_no']} false)" if total["false_no"] else ""),
     ]
-    faults = {"malformed": "neither yes nor no", "refused": "refused", "errors": "without an answer"}
     parts += [f"{total[key]} {said}" for key, said in faults.items() if total[key]]
     parts += [f"{total['latency_s']:.1f} s waited for"] if total["latency_s"] else []
     if tokens := total["tokens_in"] + total["tokens_out"]:

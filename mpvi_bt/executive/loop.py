@@ -211,6 +211,7 @@ def run_episode(
                 raise BackendError(f"the episode took more than {wall_limit_s:g} s of wall time")
             world.step(world.robot.action)
             stepping += clock() - watched
+        _blame_model(outcome, world.time_s)
     except KeyboardInterrupt:
         outcome.ending = "interrupted"
         raise
@@ -236,6 +237,17 @@ def run_episode(
         outcome.ticks, outcome.time_s, outcome.steps = tree.ticks, world.time_s, world.steps
         _close(tree, world, started, outcome, score)
     return outcome
+
+
+def _blame_model(outcome: Outcome, time_s: float) -> None:
+    """What was not complete is no fault of tree or policy where the checker's model refused every question."""
+    queries = outcome.log.queries
+    if outcome.complete or outcome.ending == "interrupted" or {query.fault for query in queries} != {"refused"}:
+        return
+    last = queries[-1]
+    error = ModelError("refused", f"the checker's model refused every question ({len(queries)}): {last.reason}")
+    outcome.ending, outcome.error = "backend_error", error
+    outcome.failure = Failure(error.reason, str(error), last.path, time_s)
 
 
 def _close(

@@ -235,7 +235,7 @@ def _unit(context: Context, placed: Mapping[str, Placed], path: str, failure: Fa
     if failure is None:
         return Unit(said)
     asked = [query for query in context.log.queries if query.path.startswith(f"{path}/")]
-    answers = (f"{query.criterion}? {'yes' if query.complete else 'no'}: {query.reason}" for query in asked[-_ANSWERS:])
+    answers = (f"{query.criterion}? {query.said}: {query.reason}" for query in asked[-_ANSWERS:])
     return Unit(said, failure.reason, failure.evidence, tuple(answers))
 
 

@@ -95,6 +95,24 @@ def parse_yes_no(text: str) -> bool | None:
     return (True if _is_kept_yes(rest) else None) if yes else (False if _is_kept_no(rest) else None)
 
 
+# How models decline, at the beginning of an answer; who cannot tell has looked.
+_DECLINES = re.compile(
+    r"\W*(?:unfortunately\W+)?(?:(?:i(?:'m| am) (?:very |so |truly )?)?sorry\b|(?:my )?apologies\b|i apologi[sz]e\b"
+    r"|i(?:'m| am) (?:afraid|unable|not able)\b|i (?:cannot|can't|can not|won't|will not|must decline|decline|refuse)\b"
+    r"|as an? (?:ai|(?:large )?language model)\b.{0,60}(?:cannot|can't|unable|not able)"
+    r"|(?:this|the|your) (?:request|image|picture|photo|photograph|content|question)\b.{0,60}"
+    r"(?:violat|not allowed|against|polic|guideline))",
+    re.IGNORECASE,
+)
+_UNSURE = re.compile(r"\b(?:tell|determine|say|sure|certain|confirm|verify|judge|decide|identify)\b", re.IGNORECASE)
+
+
+def is_refusal(text: str) -> bool:
+    """Whether what is neither a yes nor a no declines to answer at all, as "I'm sorry, I can't help with that" does."""
+    text = text[:LONGEST].replace("\u2019", "'")
+    return _DECLINES.match(text) is not None and _UNSURE.search(text) is None
+
+
 def _is_kept_yes(rest: str) -> bool:
     """Whether nothing behind a yes takes it back."""
     rest = _SURE.sub(" ", rest)

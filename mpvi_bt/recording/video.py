@@ -210,7 +210,7 @@ def _answers(tree: Tree) -> list[str]:
     """What prompted the checker, what it was asked and what it said, of its last answers."""
     context = getattr(tree, "context", None)  # none where setup failed
     queries = context.log.queries[-_ANSWERS:] if context else []
-    return [f"{q.time_s:.1f} s, {q.event}: {q.criterion}? {'Yes' if q.complete else 'No'}: {q.reason}" for q in queries]
+    return [f"{q.time_s:.1f} s, {q.event}: {q.criterion}? {q.said.capitalize()}: {q.reason}" for q in queries]
 
 
 def _doing(tree: Tree) -> str:

@@ -88,7 +88,7 @@ class Explanation:
         cause: The failed root; None if it did not fail.
         recovered: Retries and selectors that went on in spite of failures, in order; not those within a larger one.
         gave_up: Nodes that passed over a failure and went on (attempt), each as it stood when it did, in order.
-        unanswered: Questions to the checker that got neither yes nor no, each counted as a no.
+        unanswered: Questions to the checker that got neither yes nor no.
         running: Deepest nodes that ran at the end, of a run that its tree did not end.
         error: The exception that ended it.
     """

@@ -41,7 +41,7 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
         last = e.unanswered[-1]
         questions = f"{len(e.unanswered)} question{'s' * (len(e.unanswered) != 1)}"
         text.gap()
-        text.add(f"{questions} to the checker got neither yes nor no, and counted as a no. The last one:")
+        text.add(f"{questions} to the checker got neither yes nor no. The last one:")
         text.add(f'at {last.time_s:.1f} s, "{last.answer.criterion}": {last.answer.reason}', 1)
     if e.running:
         text.gap("Running then:")
@@ -148,7 +148,7 @@ class _Text:
     def asked(self, link: Link, depth: int) -> None:
         for asked in self.last(link.asked, "earlier questions", depth):
             answer = asked.answer
-            said = ", ".join(filter(None, ("yes" if answer.complete else "no", answer.reason)))
+            said = ", ".join(filter(None, (answer.said, answer.reason)))
             by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
             by += f", answered in {answer.latency_s:.1f} s" if answer.latency_s else ""
             self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)

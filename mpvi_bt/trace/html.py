@@ -82,7 +82,7 @@ def _said(tick: Tick) -> Iterable[dict[str, str]]:
     """Answers of the checker, what hands felt, and new plans: of whom, what, and how it is marked."""
     for answer in tick.queries:
         seen = f" ({answer.camera})" if answer.camera else ""
-        text = f"{answer.criterion}? {'yes' if answer.complete else 'no'}{seen}: {answer.reason}"
+        text = f"{answer.criterion}? {answer.said}{seen}: {answer.reason}"
         is_: Standing = "success" if answer.complete else "idle"
         yield {"path": answer.path, "text": one_line(text), "is": is_, "about": "question"}
     for notice in tick.notices:

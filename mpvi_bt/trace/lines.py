@@ -42,6 +42,11 @@ class CheckerAnswer:
     fault: str = ""
     cost: Cost | None = None
 
+    @property
+    def said(self) -> str:
+        """As a person is told it: a question without an answer got no "no"."""
+        return "yes" if self.complete else "no answer" if self.fault else "no"
+
 
 @dataclass(frozen=True)
 class Noticed:
