@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -13,11 +14,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
 from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.watch.drawer import Drawer
+from mpvi_bt.watch.edited_file import FileText
 from mpvi_bt.watch.edited_tree import Edited
 from tests.browser import BROWSER, Browser, browser
 from tests.test_html import Tags
@@ -52,14 +56,91 @@ def test_the_page_saves_but_never_over_anothers_work(tmp_path: Path) -> None:
     assert (refused.status_code, file.read_text(encoding="utf-8")) == (409, "tree: another\n")
 
 
-@pytest.mark.parametrize("body", [b"", b"[]", b'{"text": 1, "base": ""}', b'{"text": "x"}', b"x" * 3_000_000])
-def test_only_texts_are_saved(body: bytes, tmp_path: Path) -> None:
-    """All else that is sent changes nothing."""
+NOT_TEXTS = [
+    b"", b"[]", b'{"text": 1, "base": ""}', b'{"text": "x"}', b"x" * 13_000_000, b"[" * 100_000, b"\xff",
+    b'{"text": "\\ud800", "base": ""}', b'{"text": "x", "base": 1, "more": ' + b"[" * 50_000 + b"]" * 50_000 + b"}",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("route", ["/text", "/check"])
+@pytest.mark.parametrize("body", NOT_TEXTS, ids=range(len(NOT_TEXTS)))
+def test_only_texts_are_taken(body: bytes, route: str, tmp_path: Path) -> None:
+    """All else that is sent is refused, and changes nothing: nested deep, half a surrogate pair, too long."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    answer = TestClient(Edited(file).app).post(route, content=body)
+    assert answer.status_code == (200 if route == "/check" and body == b'{"text": "x"}' else 400)
+    assert file.read_text(encoding="utf-8") == TREE
+
+
+def disturbed(file: Path, how: str) -> None:
+    """What another program makes of a file."""
+    if how == "latin-1":
+        file.write_bytes("tree: größe\n".encode("latin-1"))
+    elif how == "binary":
+        file.write_bytes(b"\x00\xff\xfe" * 9)
+    elif how == "huge":
+        file.write_bytes(b"#" * 3_000_000)
+    elif how == "pipe":
+        file.unlink()
+        os.mkfifo(file)
+    elif how == "folder":
+        file.unlink()
+        file.mkdir()
+    else:
+        file.write_text("tree: another\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("how", ["latin-1", "binary", "huge", "pipe", "folder", "text"])
+@pytest.mark.parametrize("looked", [False, True])
+def test_what_another_program_left_on_disk_is_never_lost(how: str, looked: bool, tmp_path: Path) -> None:
+    """Text, bytes that are no text, or no file at all: the page still answers, says so, and does not write over it."""
     file = tmp_path / "tree.yaml"
     file.write_text(TREE, encoding="utf-8")
     client = TestClient(Edited(file).app)
-    assert client.post("/text", content=body).status_code == 400
+    base = Tags(client.get("/").text).data["base"]
+    disturbed(file, how)
+    before = file.read_bytes() if file.is_file() else how
+    if looked:
+        data = Tags(client.get("/").text).data
+        assert bool(data["unreadable"]) == (how != "text")
+        assert data["text"] == (TREE if how != "text" else "tree: another\n")
+    refused = client.post("/text", content=json.dumps({"text": TREE + "# mine\n", "base": base}))
+    assert refused.status_code == 409
+    assert (file.read_bytes() if file.is_file() else how) == before
+
+
+def test_a_file_that_has_gone_is_written_again(tmp_path: Path) -> None:
+    """Nothing is lost by that."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    client = TestClient(Edited(file).app)
+    base = Tags(client.get("/").text).data["base"]
+    file.unlink()
+    assert client.post("/text", content=json.dumps({"text": TREE, "base": base})).status_code == 200
     assert file.read_text(encoding="utf-8") == TREE
+
+
+LINES = st.lists(st.text("ab: ", max_size=4), max_size=6)
+
+
+@given(lines=LINES, ends=st.lists(st.sampled_from(["\r\n", "\n", "\r"]), min_size=7, max_size=7), mark=st.booleans())
+def test_a_text_that_is_saved_as_it_was_read_leaves_every_byte(lines: list[str], ends: list[str], mark: bool) -> None:
+    """Whatever its lines end with, and whether it begins with a byte order mark."""
+    whole = "".join(map("".join, zip(lines, ends, strict=False))) + ("end" if mark else "")
+    content = (b"\xef\xbb\xbf" if mark else b"") + whole.encode()
+    file = FileText(content, content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n"))
+    assert file.edited(file.text) == content
+
+
+@given(before=LINES, after=LINES)
+def test_line_ends_stay(before: list[str], after: list[str]) -> None:
+    """Lines that are new end as those of the file do, whatever the page sent."""
+    file = FileText(
+        "".join(f"{line}\r\n" for line in ["x", *before]).encode(), "".join(f"{line}\n" for line in ["x", *before])
+    )
+    assert file.edited("".join(f"{line}\n" for line in after)) == "".join(f"{line}\r\n" for line in after).encode()
+    assert file.edited("".join(f"{line}\r\n" for line in after)) == "".join(f"{line}\r\n" for line in after).encode()
 
 
 def test_what_is_typed_is_checked_before_it_is_saved(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def edit(tree: Path, serve: Address | None) -> int:
     bound = (serve or Address()).bound()
     click.echo(f"mpvi: edit it at {bound.url}; Ctrl-C ends it", err=True)
     try:
-        server = Server(edited.app, bound.listener, bound.port, bound.token, stopping=edited.close)
+        server = Server(edited.app, bound.listener, bound.token, stopping=edited.close)
         asyncio.run(server.serve())
     except KeyboardInterrupt:
         return INTERRUPTED

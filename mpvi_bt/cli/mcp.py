@@ -57,4 +57,4 @@ def _over_http(server: Any, serve: Address) -> None:
     bound = serve.bound()
     app = over_http(server)
     click.echo(f"mpvi: MCP at {bound.url.replace('/?', '/mcp?') if bound.token else bound.url + 'mcp'}", err=True)
-    asyncio.run(Server(app, bound.listener, bound.port, bound.token, lifespan=True).serve())
+    asyncio.run(Server(app, bound.listener, bound.token, lifespan=True).serve())

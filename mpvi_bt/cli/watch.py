@@ -36,7 +36,7 @@ def watch(what: Path, serve: Address | None) -> int:
     watching = watched(what)
     click.echo(f"mpvi: watch it at {bound.url}; Ctrl-C ends it", err=True)
     try:
-        asyncio.run(Server(watching.app, bound.listener, bound.port, bound.token).serve())
+        asyncio.run(Server(watching.app, bound.listener, bound.token).serve())
     except KeyboardInterrupt:
         return INTERRUPTED
     return 0

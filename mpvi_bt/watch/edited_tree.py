@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
@@ -18,12 +16,13 @@ from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.errors import MpviError, Problem, UserError
 from mpvi_bt.trace.html import asset, embedded, filled
 from mpvi_bt.watch.drawer import Drawer, sentence
+from mpvi_bt.watch.edited_file import MOST_BYTES, FileText, Unreadable, read_file_text, save_over
 from mpvi_bt.watch.feed import Feed
-from mpvi_bt.watch.watched_run import body, file
-from mpvi_bt.writing import write_whole
+from mpvi_bt.watch.page_requests import page_response, posted
+from mpvi_bt.watch.watched_run import file
 
 _LOOK_S = 0.02  # between two looks at the file: a fraction of the 0.3 s in which its problems are to be shown
-_MOST_BYTES = 2_000_000
+_MOST_SENT = 6 * MOST_BYTES  # of a text as JSON, in which a character may take six bytes
 
 
 class Edited:
@@ -34,9 +33,13 @@ class Edited:
         self.feed = Feed()
         self._path = path
         self._version = 1
-        self._stamp: tuple[int, int, int] | None = None
-        self._text = self._new() or ""
-        self._problems = self._found(self._text)
+        self._stamp = _stamp(path)
+        self._unreadable = ""  # why the file on disk is no text now; the last one that was is kept
+        try:
+            self._file = read_file_text(path) or FileText(b"", "")
+        except Unreadable as error:
+            raise UserError(f"{path}: {error}") from None
+        self._problems = self._found(self._file.text)
         self._checking = asyncio.Lock()
         self._looking: asyncio.Task[None] | None = None
         self._drawer = Drawer(path)
@@ -55,7 +58,7 @@ class Edited:
     async def page(self, request: Request) -> Response:
         """Text, problems and drawing."""
         await self._look()
-        return HTMLResponse(edit_page(self._path.name, self._data()))
+        return page_response(edit_page(self._path.name, self._data()))
 
     async def events(self, request: Request) -> StreamingResponse:
         """Text and problems whenever the file has changed."""
@@ -70,11 +73,11 @@ class Edited:
             await self._look()  # while a new text is checked, a drawing of the old one is wanted by nobody
             version = self._version
             if version != self._drawn[0] and not self.feed.closing:
-                page = await asyncio.to_thread(self._drawer.draw, self._text)
+                page = await asyncio.to_thread(self._drawer.draw, self._file.text)
                 if page is None:
-                    return HTMLResponse(sentence("There is no drawing of this text."))
+                    return page_response(sentence("There is no drawing of this text."))
                 self._drawn = version, page
-            return HTMLResponse(self._drawn[1])
+            return page_response(self._drawn[1])
 
     async def check(self, request: Request) -> Response:
         """The problems of a text that is typed and not saved."""
@@ -84,16 +87,17 @@ class Edited:
         return JSONResponse(self._told(await asyncio.to_thread(self._found, said["text"])))
 
     async def save(self, request: Request) -> Response:
-        """Take over the page's text, unless the file has changed meanwhile."""
+        """Write the page's text, unless the file has changed meanwhile."""
         said = await _said(request)
         if said is None or "base" not in said:
             return PlainTextResponse('wanted: {"text": TEXT, "base": DIGEST}\n', 400)
-        await self._look()
-        if said["base"] != _digest(self._text):
-            return PlainTextResponse("the file has changed on disk since\n", 409)
         try:
-            write_whole(self._path, said["text"])
+            if said["base"] != self._file.base:
+                raise UserError("the file has changed on disk since")
+            save_over(self._path, self._file, said["text"])
         except MpviError as error:
+            await self._look()
+            self.feed.tell()
             return PlainTextResponse(f"{error}\n", 409)
         await self._look()
         self.feed.tell()
@@ -113,7 +117,13 @@ class Edited:
 
     def _data(self) -> dict[str, Any]:
         told = self._told(self._problems)
-        return {"since": str(self._version), "text": self._text, "base": _digest(self._text), "problems": told}
+        return {
+            "since": str(self._version),
+            "text": self._file.text,
+            "base": self._file.base,
+            "problems": told,
+            "unreadable": self._unreadable,
+        }
 
     def _told(self, problems: list[Problem]) -> list[dict[str, Any]]:
         return [
@@ -128,7 +138,7 @@ class Edited:
 
     async def _keep_looking(self) -> None:
         while True:
-            if self._stamp_now() not in (None, self._stamp):
+            if _stamp(self._path) not in (None, self._stamp):
                 await asyncio.sleep(_LOOK_S)  # for its writer: many empty a file before they write it
                 if await self._look():
                     self.feed.tell()
@@ -137,56 +147,48 @@ class Edited:
                 return
 
     async def _look(self) -> bool:
-        """Read and check the file if it has changed; whether it has."""
+        """Read and check the file if it has changed; whether it has. One that is gone or no text changes no text."""
         async with self._checking:
-            text = self._new()
-            if text is None:
+            stamp = _stamp(self._path)
+            if stamp in (None, self._stamp):
                 return False
-            self._drawer.stop()  # of what is not there any more
-            problems = await asyncio.to_thread(self._found, text)
-            self._text, self._problems, self._version = text, problems, self._version + 1
+            self._stamp, before = stamp, (self._file.content, self._unreadable)
+            try:
+                found, self._unreadable = read_file_text(self._path) or self._file, ""
+            except Unreadable as error:
+                found, self._unreadable = self._file, f"the file on disk {error} now"
+            if (found.content, self._unreadable) == before:
+                return False
+            if found is not self._file:
+                self._drawer.stop()  # of what is not there any more
+                self._problems = await asyncio.to_thread(self._found, found.text)
+            self._file, self._version = found, self._version + 1
             return True
 
     def _found(self, text: str) -> list[Problem]:
         return problems_in(str(self._path), text=text)
 
-    def _new(self) -> str | None:
-        """The file's text if it has changed. The first time it raises UserError if it cannot be read."""
-        if (stamp := self._stamp_now()) is not None and stamp == self._stamp:
-            return None
-        try:
-            text = self._path.read_text(encoding="utf-8")
-        except (OSError, UnicodeError) as error:
-            if self._stamp is None:
-                raise UserError(f"{self._path}: cannot be read: {error}") from None
-            return None  # an editor is about to write it anew
-        self._stamp = stamp
-        return text
 
-    def _stamp_now(self) -> tuple[int, int, int] | None:
-        """What changes when the file does; None while it is not there."""
-        try:
-            stat = self._path.stat()
-        except OSError:
-            return None
-        return stat.st_mtime_ns, stat.st_size, stat.st_ino
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    """What changes when the file does; None while it is not there."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size, stat.st_ino
 
 
 async def _said(request: Request) -> dict[str, Any] | None:
     """What a page sent, its text checked to be one; None if it is none."""
     try:
-        said = json.loads(await body(request, _MOST_BYTES))
+        said = await posted(request, _MOST_SENT)
     except ValueError:
         return None
     return said if isinstance(said, dict) and isinstance(said.get("text"), str) else None
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def edit_page(name: str, data: dict[str, Any]) -> str:
     """The page, with the text as it is now."""
     script, style = file("edit.js"), "\n".join((asset("page.css"), file("edit.css")))
-    allows = "connect-src 'self'; frame-src 'self'"
+    allows = "connect-src 'self'; frame-src 'self'; img-src 'self'"
     return filled(file("edit.html"), name, script, style, allows, embedded({"name": name, **data}))

@@ -66,7 +66,6 @@ class Server:
         self,
         app: ASGIApp,
         listener: socket.socket,
-        port: int,
         token: str = "",
         lifespan: bool = False,
         stopping: Callable[[], None] = lambda: None,
@@ -76,13 +75,12 @@ class Server:
         Args:
             app: Answers requests.
             listener: Open already.
-            port: Its port.
             token: What visitors must bring; "": nothing.
             lifespan: `app` has to be told when serving begins and ends.
             stopping: Called as soon as it is to end, so that answers under way can end by themselves.
         """
         config = uvicorn.Config(
-            PageGuard(app, port, token),
+            PageGuard(app, token),
             log_level="error",
             access_log=False,
             lifespan="on" if lifespan else "off",

@@ -33,7 +33,7 @@ async def main(listener: int, channel: int) -> None:
         writer.write(json.dumps(words).encode() + b"\n")
 
     watching = watched(Path(begun["what"]), tell, begun["says"])
-    server = Server(watching.app, socket.socket(fileno=listener), begun["port"], begun["token"])
+    server = Server(watching.app, socket.socket(fileno=listener), begun["token"])
     serving = asyncio.create_task(server.serve())
     wanting = asyncio.create_task(_want(watching, tell))
     with contextlib.suppress(ConnectionError):

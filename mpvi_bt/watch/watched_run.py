@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import json
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
@@ -23,6 +22,7 @@ from mpvi_bt.trace.growing_trace import Follow, Restarted
 from mpvi_bt.trace.html import More, PageFrames, page, told_end, told_facts
 from mpvi_bt.watch.channel import WORDS
 from mpvi_bt.watch.feed import EVERY_S, Feed
+from mpvi_bt.watch.page_requests import page_response, posted
 from mpvi_bt.watch.page_server import Tell
 
 _ALLOWS = "connect-src 'self'; img-src 'self'"
@@ -58,7 +58,7 @@ class WatchedRun:
         """The page with all that has happened so far."""
         self._read()
         if self._follow is None:
-            return HTMLResponse(waiting(self._path.stem, self._broken))
+            return page_response(waiting(self._path.stem, self._broken))
         header = self._follow.header
         facts = list(told_facts(header.config, header.seed, header.started, header.mpvi_bt))
         pictures = {name: at for name, (at, _) in self._pictures.items()}
@@ -70,7 +70,7 @@ class WatchedRun:
             "reloaded": self._reloaded,
         }
         data = {**self._frames.data(), "end": self._end(), "facts": facts, "open": None, "live": live}
-        return HTMLResponse(page(self._follow.tree, data, MORE))
+        return page_response(page(self._follow.tree, data, MORE))
 
     async def events(self, request: Request) -> StreamingResponse:
         """What happens from now on."""
@@ -87,7 +87,7 @@ class WatchedRun:
     async def control(self, request: Request) -> Response:
         """What a button says, to the run's debugger."""
         try:
-            said = json.loads(await body(request, _MOST_BYTES))
+            said = await posted(request, _MOST_BYTES)
             ((word, text),) = said.items()
             if word not in WORDS or not isinstance(text, str) or "\n" in text:
                 raise ValueError
@@ -189,17 +189,6 @@ class WatchedRun:
         self._frames.add(ticks)
         self._gave_up += sum(state.gave_up for tick in ticks for state in tick.nodes.values())
         return bool(ticks) or self._follow.end is not before
-
-
-async def body(request: Request, most_bytes: int) -> bytes:
-    """What was sent. Raises ValueError if it is too long."""
-    sent = b""
-    stream: AsyncIterator[bytes] = request.stream()
-    async for part in stream:
-        sent += part
-        if len(sent) > most_bytes:
-            raise ValueError("too long")
-    return sent
 
 
 def waiting(name: str, why: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -24,6 +24,7 @@ from mpvi_bt.suite.standing import spoken, under_way
 from mpvi_bt.suite.store import Store
 from mpvi_bt.trace.html import asset, embedded, filled
 from mpvi_bt.watch.feed import Feed
+from mpvi_bt.watch.page_requests import page_response
 from mpvi_bt.watch.watched_run import WatchedRun, file, waiting
 
 _EVERY_S = 1.0  # the folder is looked at
@@ -58,8 +59,8 @@ class WatchedSuite:
         """The page as the suite stands now."""
         await asyncio.to_thread(self._read)
         if not self._data:
-            return HTMLResponse(waiting(self._folder.name, "waiting for the first episode"))
-        return HTMLResponse(suite_page({"since": str(self._version), **self._data}))
+            return page_response(waiting(self._folder.name, "waiting for the first episode"))
+        return page_response(suite_page({"since": str(self._version), **self._data}))
 
     async def events(self, request: Request) -> StreamingResponse:
         """The whole again whenever anything has changed."""

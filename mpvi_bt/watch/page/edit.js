@@ -61,6 +61,7 @@ function draw({ problems, since }) {
 
 // What is typed and not saved is kept, whatever happens on disk.
 function take(data) {
+  if (data.unreadable) $("said").textContent = `${data.unreadable}: it is left as it is`;
   const own = $("text").value !== saved;
   if (data.text === saved && data.base === base) return;
   if (!own || data.text === $("text").value) {
