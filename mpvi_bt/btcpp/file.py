@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.btcpp.marked_xml import Element
 from mpvi_bt.errors import Problem, UnknownName, shown
+
+if TYPE_CHECKING:
+    from mpvi_bt.btcpp.placeholders import Placeholder
 
 EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
 _TREE_ID = "letters, digits, '_' and '-'"
@@ -40,6 +43,7 @@ class XmlFile:
         warnings: What BehaviorTree.CPP does otherwise, or what was left out.
         count: Nodes of all trees so far, subtrees written out below their calls.
         needs: Of those trees that have any.
+        placeholders: Stand-ins for leaves that nobody knows here, by their IDs.
     """
 
     name: str
@@ -48,6 +52,7 @@ class XmlFile:
     warnings: list[Problem] = field(default_factory=list)
     count: int = 0
     needs: dict[str, Needs] = field(default_factory=dict)
+    placeholders: Mapping[str, Placeholder] = field(default_factory=dict)
     _words: set[str] = field(default_factory=set)
     _calls: dict[str, dict[str, None]] = field(default_factory=dict)
 
@@ -63,9 +68,11 @@ class XmlFile:
         """Note what concerns no single element."""
         self.warnings.append(Problem(self.name, *place, f"btcpp-{code}", message, "warning"))
 
-    def unknown(self, element: Element, what: str, given: str, known: list[str], attribute: str = "") -> None:
+    def unknown(
+        self, element: Element, what: str, given: str, known: list[str], attribute: str = "", whose: str = ""
+    ) -> None:
         """Note a name that is not known."""
-        self.problems.append(Problem.unknown(self.name, place_of(element, attribute), what, given, known))
+        self.problems.append(Problem.unknown(self.name, place_of(element, attribute), what, given, known, whose))
 
     def trees_of(self, root: Element, main: str | None = None) -> str | None:
         """Fill in `trees`, and give the ID of the one to run: `main`, or else what the file says, or the only one.

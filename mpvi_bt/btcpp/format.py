@@ -147,12 +147,12 @@ def _node(file: XmlFile, element: Element) -> None:
     if tag == "SubTree":
         known = replace(known, read=known.read + ATTRIBUTES["SubTree"].read)
     node = NODES.get(tag)
-    _left_out(file, element, [name for name in element.attributes if not _is_port(name)], known)
+    _left_out(file, element, [name for name in element.attributes if not is_port(name)], known)
     if node is None:
         return
     allowed = {"name", *node.ports} | ({"ID"} if element.tag in EXPLICIT else set())
     for name in element.attributes:
-        if _is_port(name) and name not in allowed:
+        if is_port(name) and name not in allowed:
             file.unknown(element, "port", name, sorted({"name", *node.ports}), name)
     for name, must in node.ports.items():
         if must and name not in element.attributes:
@@ -196,7 +196,7 @@ def _left_out(file: XmlFile, element: Element, names: Iterable[str], known: Attr
         file.warn(element, "attribute", message + did_you_mean(near, known.read), name)
 
 
-def _is_port(name: str) -> bool:
+def is_port(name: str) -> bool:
     """Whether an attribute of a node may be a port: others are for editors and for programs of one's own."""
     return name[0].isalpha() and ":" not in name and "." not in name
 

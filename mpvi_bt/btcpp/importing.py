@@ -9,17 +9,19 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.parameters import Comparison, Value
-from mpvi_bt.behaviors.registry import node_types
+from mpvi_bt.behaviors.registry import add_node_types, node_types
 from mpvi_bt.btcpp import equivalents, mapping, nav2
 from mpvi_bt.btcpp.condition_script import Condition, read_condition
 from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, place_of, tag_of
 from mpvi_bt.btcpp.format import check
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.btcpp.models import fill_in, models_of
+from mpvi_bt.btcpp.placeholders import is_foreign, module_text, node_types_of, placeholders_of
 from mpvi_bt.btcpp.script import escaped, read_assignments
 from mpvi_bt.btcpp.subtree_ports import Calls
 from mpvi_bt.errors import FileProblems, Problem, shown
@@ -30,6 +32,7 @@ from mpvi_bt.tree.tree_file import TreeReading
 
 _STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on
 _COUNTS = ("num_attempts", "num_cycles")
+_OPTION = "with --placeholders it becomes a stand-in for you to write"
 _NEAREST = {**equivalents.NEAREST, **nav2.NEAREST}
 
 
@@ -41,20 +44,26 @@ class ImportedTrees:
         main: The tree to execute; its calls of the others are subtree nodes.
         subtrees: The other trees, by the names that the calls use.
         warnings: What BehaviorTree.CPP does otherwise, or what was left out, each with its place.
+        module: Text of a Python module with the nodes that have to be written, "" if there are none.
     """
 
     main: TreeSpec
     subtrees: Mapping[str, TreeSpec]
     warnings: tuple[Problem, ...]
+    module: str = ""
 
 
-def from_xml(text: str, name: str = "<xml>", main_tree: str | None = None) -> ImportedTrees:
+def from_xml(
+    text: str, name: str = "<xml>", main_tree: str | None = None, placeholders: str | None = None
+) -> ImportedTrees:
     """The trees of a file's text.
 
     Args:
         text: Of the file.
         name: Stands for the file in problems.
         main_tree: ID of the tree to run; None: what the file says, or the only one that no other calls.
+        placeholders: Name of a module for leaves that nobody knows here: they become kinds of it, which are known from
+            then on. None: they are problems.
 
     Raises:
         UnknownName: There is no tree `main_tree`.
@@ -63,16 +72,22 @@ def from_xml(text: str, name: str = "<xml>", main_tree: str | None = None) -> Im
     root = parse_xml(text, name)
     file = XmlFile(name)
     main = file.trees_of(root, main_tree)
-    fill_in(file, models_of(file, root))
+    models = models_of(file, root)
+    fill_in(file, models)
     check(file, root)
     for own in file.trees:
         tree = nav2.rewritten(file, own)
         file.trees[own] = replace(tree, children=[equivalents.rewritten(file, tree.children[0])])
+    module = ""
+    if placeholders is not None and (found := placeholders_of(file, models)):
+        module = module_text(found.values(), Path(name).name, placeholders)
+        add_node_types(node_types_of(module, placeholders), placeholders)
+        file.placeholders = found
     calls = Calls(file)
     specs = {own: spec for own in file.trees if (spec := _Tree(file, calls, own).read(main=own == main)) is not None}
     if main is None or file.problems:
         raise FileProblems(_listed_once(_once(file.problems)))
-    return ImportedTrees(specs.pop(main), specs, tuple(_once(file.warnings)))
+    return ImportedTrees(specs.pop(main), specs, tuple(_once(file.warnings)), module)
 
 
 class _Tree:
@@ -140,17 +155,21 @@ class _Tree:
             return self._comparison(element, at)
         if tag == "ReactiveSequence" and (guarded := self._condition(element, at)):
             return guarded
+        if (placeholder := self.file.placeholders.get(tag)) is not None and not element.children:
+            names = {port.parameter: name for name, port in placeholder.ports.items()}
+            return self._data(element, at, placeholder.kind, placeholder.parameters(self.file, element), names)
         if tag in mapping.own_kinds():
             return self._own(element, at, mapping.own_kinds()[tag])
         if any(row.tag == tag for row in mapping.BUILTINS):
             return self._builtin(element, at, tag)
+        hint = f"; {_OPTION}" if is_foreign(element) else ""
         if tag in mapping.THEIRS | mapping.NAV2:
             near = f"the nearest is {_NEAREST[tag]}" if tag in _NEAREST else "docs/btcpp.md lists what has"
             whose = " of Nav2" if tag in mapping.NAV2 else ""
-            self.file.problem(element, "unmapped-node", f"{tag}{whose} has no equal here; {near}")
+            self.file.problem(element, "unmapped-node", f"{tag}{whose} has no equal here; {near}{hint}")
         else:
             known = {row.tag for row in mapping.BUILTINS} | set(mapping.own_kinds()) | {"Script", "SetBlackboard"}
-            self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}))
+            self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}), whose=hint)
         return self._stand_in(element, at)
 
     def _stand_in(self, element: Element, at: Location) -> dict[str, Any]:
@@ -199,10 +218,13 @@ class _Tree:
             if name not in element.attributes:
                 self.file.problem(element, "missing-port", f"{element.tag} needs the port {name!r}")
         given = {}
+        keys = (*node_types()[kind].reads, *node_types()[kind].writes)
         for name, port in ports.items():
             if name in element.attributes and not (port.optional and element.attributes[name] == ""):
                 text = element.attributes[name]
                 given[name] = self._decoded(element, name, lambda t=text, p=port: mapping.from_port(t, p.text))
+                if name in keys and mapping.is_pointer(text) and isinstance(given[name], str):
+                    given[name] = given[name].removeprefix("$")
         return self._data(element, at, kind, given, {})
 
     def _call(self, element: Element, at: Location) -> dict[str, Any]:

@@ -143,10 +143,14 @@ class Port:
 _CPP = {"string": "std::string", "integer": "int", "number": "double", "boolean": "bool"}
 
 
-@functools.cache
 def ports_of(kind: str) -> Mapping[str, Port]:
     """The ports of a kind: its parameters, by name."""
-    schema = node_types()[kind].parameters.model_json_schema()
+    return _ports_of(node_types()[kind])
+
+
+@functools.cache
+def _ports_of(node_type: NodeType) -> Mapping[str, Port]:
+    schema = node_type.parameters.model_json_schema()
     needed = schema.get("required", [])
     ports = {}
     for name, told in schema.get("properties", {}).items():

@@ -50,13 +50,7 @@ class Calls:
 
     def __init__(self, file: XmlFile) -> None:
         self.file = file
-        self.calls = [
-            Call(element, name, element.attributes.get("ID", ""), _ports(element))
-            for name, tree in file.trees.items()
-            for element in below(tree)
-            if tag_of(element) == "SubTree"
-        ]
-        self.calls = [call for call in self.calls if call.callee in file.trees]
+        self.calls = _calls(file)
         self._of = {id(call.element): call for call in self.calls}
         own = {name: [_names(element) for element in below(tree)] for name, tree in file.trees.items()}
         self._used = {name: set().union(*found) for name, found in own.items()}
@@ -118,8 +112,7 @@ class Calls:
 
     def _texts(self) -> dict[str, set[str]]:
         """Of each tree the keys that whoever runs it must set, as nothing in the file does."""
-        trees = self.file.trees.values()
-        set_here = {key for tree in trees for element in below(tree) for key in _set(element)}
+        set_here = keys_set_in(self.file)
         found: dict[str, set[str]] = {name: set() for name in self.file.trees}
         for name, needs in self.file.needs.items():
             found[name] = set(needs.texts) - set_here
@@ -153,6 +146,27 @@ class Calls:
         return any(
             name in map(_key, call.ports.values()) or name in _hidden(call)(self._used[call.callee]) for call in calls
         )
+
+
+def keys_set_in(file: XmlFile) -> set[str]:
+    """The keys that a file's scripts and its nodes of a known kind set."""
+    return {key for tree in file.trees.values() for element in below(tree) for key in _set(element)}
+
+
+def keys_handed_on(file: XmlFile) -> set[str]:
+    """The keys that calls fill, and those that whoever runs the file must set."""
+    filled = {port for call in _calls(file) for port, text in call.ports.items() if _key(text) != port}
+    return filled.union(*(needs.texts for needs in file.needs.values()))
+
+
+def _calls(file: XmlFile) -> list[Call]:
+    found = [
+        Call(element, name, element.attributes.get("ID", ""), _ports(element))
+        for name, tree in file.trees.items()
+        for element in below(tree)
+        if tag_of(element) == "SubTree"
+    ]
+    return [call for call in found if call.callee in file.trees]
 
 
 def _ports(element: Element) -> dict[str, str]:

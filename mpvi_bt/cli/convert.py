@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,37 +29,71 @@ FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 @click.option(
     "--main-tree", metavar="ID", help="From XML: tree to run. [default: main_tree_to_execute, or the outermost]"
 )
+@click.option(
+    "--placeholders",
+    is_flag=True,
+    help="From XML: turn unknown leaves into stand-ins, and write a Python module beside OUT for you to fill in.",
+)
 @click.option("--force", is_flag=True, help="Overwrite existing files that differ.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the text and the warnings.")
-def convert(tree: str, out: str | None, to: str | None, main_tree: str | None, force: bool, as_json: bool) -> None:
+def convert(
+    tree: str, out: str | None, to: str | None, main_tree: str | None, placeholders: bool, force: bool, as_json: bool
+) -> None:
     """Turn a tree into XML of BehaviorTree.CPP 4, which Groot2 opens, or such XML into a tree.
 
     TREE is a file, or the name of a tree. Without OUT the text is shown. From XML, the trees of its SubTrees are
     written beside OUT, a file each. What the other side does otherwise is told as warnings. A file that is there
-    already with another text is written over only with --force.
+    already with another text is written over only with --force; a module with your nodes never is.
     """
     target = _target(tree, out, to)
-    if main_tree is not None and target == "xml":
-        raise UserError("--main-tree names a tree of an XML file; a tree of ours has one.")
-    texts, warnings = _to_xml(tree) if target == "xml" else _to_yaml(tree, main_tree)
-    main, beside = texts[""], {name: text for name, text in texts.items() if name}
+    if target == "xml" and (main_tree is not None or placeholders):
+        which = "--placeholders is" if placeholders else "--main-tree is"
+        raise UserError(f"{which} for XML; {tree} is a tree of ours.")
+    module = re.sub(r"\W", "_", Path(out or tree).stem) + "_nodes" if placeholders else None
+    made = _to_xml(tree) if target == "xml" else _to_yaml(tree, main_tree, module)
     files: list[str] = []
     if out is not None:
-        files = _write(Path(out), main, beside, force)
-    elif beside and not as_json:
-        message = f"{tree}: it holds {len(texts)} trees, which become a file each: name one to write to"
+        files = _write(Path(out), made, force)
+    elif len(made.files) > 1 and not as_json:
+        message = f"{tree}: it becomes {len(made.files)} files: name one to write to"
         raise UserError(f"{message}, such as trees/{Path(tree).stem}.yaml.")
     if as_json:
-        told: dict[str, Any] = {target: main, **({"subtrees": beside} if target == "yaml" else {})}
-        told |= {"out": out, "files": files, "warnings": [vars(p) for p in warnings]}
+        told: dict[str, Any] = {target: made.files[""]}
+        if target == "yaml":
+            told |= {"subtrees": made.subtrees, "module": made.module}
+        told |= {"out": out, "files": files, "warnings": [vars(p) for p in made.warnings]}
         click.echo(json.dumps(told, indent=2))
         return
     if out is None:
-        give(main)
+        give(made.files[""])
     for file in files[1:]:
-        click.echo(f"wrote {file} too: a subtree", err=True)
-    for line in grouped(warnings):
+        what = "your nodes, to be written" if file.endswith(".py") else "a subtree"
+        click.echo(f"wrote {file} too: {what}", err=True)
+    for line in grouped(made.warnings):
         click.echo(line, err=True)
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What a tree became.
+
+    Attributes:
+        files: Texts by the names of their files beside OUT; OUT itself is "".
+        warnings: What differs.
+    """
+
+    files: Mapping[str, str]
+    warnings: Sequence[Problem]
+
+    @property
+    def subtrees(self) -> dict[str, str]:
+        """Texts of the other trees, by their names."""
+        return {Path(name).stem: text for name, text in self.files.items() if name.endswith(".yaml")}
+
+    @property
+    def module(self) -> str | None:
+        """Text of the module with the nodes to be written, if there are any."""
+        return next((text for name, text in self.files.items() if name.endswith(".py")), None)
 
 
 def _target(tree: str, out: str | None, to: str | None) -> str:
@@ -71,31 +107,36 @@ def _target(tree: str, out: str | None, to: str | None) -> str:
     return other
 
 
-def _to_xml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
+def _to_xml(tree: str) -> _Made:
     from mpvi_bt.btcpp.export import to_xml
     from mpvi_bt.tree.yaml_io import load_tree
 
     made = to_xml(load_tree(paths.find_or_file("trees", tree, "tree")))
-    return {"": made.xml}, made.warnings
+    return _Made({"": made.xml}, made.warnings)
 
 
-def _to_yaml(tree: str, main_tree: str | None) -> tuple[dict[str, str], Sequence[Problem]]:
+def _to_yaml(tree: str, main_tree: str | None, module: str | None) -> _Made:
     from mpvi_bt.btcpp.encoding import read_xml
     from mpvi_bt.btcpp.importing import from_xml
     from mpvi_bt.tree.yaml_io import dump_tree
 
-    made = from_xml(read_xml(tree), tree, main_tree)
-    trees = {"": made.main, **made.subtrees}
-    return {name: dump_tree(spec) for name, spec in trees.items()}, made.warnings
+    made = from_xml(read_xml(tree), tree, main_tree, module)
+    files = {"": dump_tree(made.main)} | {f"{name}.yaml": dump_tree(spec) for name, spec in made.subtrees.items()}
+    if made.module:
+        files[f"{module}.py"] = made.module
+    return _Made(files, made.warnings)
 
 
-def _write(out: Path, main: str, beside: Mapping[str, str], force: bool) -> list[str]:
+def _write(out: Path, made: _Made, force: bool) -> list[str]:
     """Write all files, or none if one would be written over; their paths, OUT first. Raises UserError, BackendError."""
-    files = {out: main}
-    for name, text in beside.items():
-        file = out.with_name(f"{name}.yaml")
-        if file == out:
+    files = {out: made.files[""]}
+    for name, text in made.files.items():
+        file = out.with_name(name) if name else out
+        if name and file == out:
             raise UserError(f"{file}: a subtree needs that name. Write to another file.")
+        if file.suffix == ".py" and file.is_file() and file.read_bytes() != text.encode():
+            click.echo(f"kept {file}, which is there already: it must have the nodes of the tree", err=True)
+            continue
         files[file] = text
     for file, text in files.items():
         if not force and file.is_file() and file.read_bytes() != text.encode():
