@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt.btcpp.export import to_xml
 from mpvi_bt.btcpp.format import ATTRIBUTES, NODES, kind_below
 from mpvi_bt.btcpp.importing import ImportedTrees, from_xml
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
@@ -91,6 +92,16 @@ def test_what_is_told_of_a_construct_has_its_place(construct: str) -> None:
     lines = xml.split("\n")
     assert all(1 <= p.line <= len(lines) and 1 <= p.column <= len(lines[p.line - 1]) for p in told)
     assert bool(told) == (outcome(construct)[0] != "read")
+
+
+@pytest.mark.parametrize("construct", [name for name in CONSTRUCTS if outcome(name)[0] != "refused"])
+def test_what_is_read_survives_the_way_there_and_back(construct: str) -> None:
+    """Node for node; of calls, which have no arguments any more, what they do."""
+    main = from_xml(xml_of(construct)).main
+    back = from_xml(to_xml(main).xml).main
+    assert [(n.path, n.spec.kind) for n in back.nodes] == [(n.path, n.spec.kind) for n in main.nodes]
+    for one, other in zip(main.nodes, back.nodes, strict=True):
+        assert one.spec.kind == "subtree" or one.spec.parameters == other.spec.parameters
 
 
 def trees_of(imported: ImportedTrees) -> tuple[object, ...]:
