@@ -169,8 +169,13 @@ def own_id(kind: str) -> str:
 
 def own_kinds() -> Mapping[str, str]:
     """The kinds that may be nodes of ours, by their IDs: all but those that one of theirs always does for."""
+    return _own_kinds(tuple(node_types()))
+
+
+@functools.cache
+def _own_kinds(kinds: tuple[str, ...]) -> Mapping[str, str]:
     always = {row.kind for row in BUILTINS if not row.partly} | {"subtree"}
-    return {own_id(kind): kind for kind in node_types() if kind not in always}
+    return MappingProxyType({own_id(kind): kind for kind in kinds if kind not in always})
 
 
 def model_of(node_type: NodeType) -> str:

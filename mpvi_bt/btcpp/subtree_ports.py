@@ -69,12 +69,14 @@ class Calls:
         for name, needs in file.needs.items():
             self._firsts[name] = set(needs.first_values)
         _settle(self._firsts, [(c.callee, c.caller, lambda names: names) for c in self.calls])
-        self._types: dict[tuple[str, str], ParameterType] = {}
+        self._parameters: dict[str, dict[str, ParameterType]] = {}
 
     def parameters(self, tree: str) -> Mapping[str, ParameterType]:
         """Those of a tree, with their types."""
-        names = self._given[tree] | self._needed[tree]
-        return {name: self._type(tree, name) for name in sorted(names)}
+        if tree not in self._parameters:
+            names = sorted(self._given[tree] | self._needed[tree])
+            self._parameters[tree] = {name: self._type(tree, name) for name in names}
+        return self._parameters[tree]
 
     def first_values(self, tree: str) -> Mapping[str, Value]:
         """Of keys that a tree, or one that it calls, keeps for itself."""
@@ -131,14 +133,12 @@ class Calls:
 
     def _type(self, tree: str, name: str) -> ParameterType:
         """Of a parameter: a number if every call gives one and no text is made of it."""
-        if (tree, name) not in self._types:
-            self._types[tree, name] = "text"  # also of a tree that calls itself, which is refused
-            given = [call.ports.get(name, "{}") for call in self.calls if call.callee == tree]
-            textual = self._hands_on(tree, name) or any(_is_text(e, name) for e in below(self.file.trees[tree]))
-            if given and not textual and all(_NUMBER.fullmatch(text) for text in given):
-                whole = all(_INTEGER.fullmatch(text) for text in given)
-                self._types[tree, name] = "integer" if whole else "number"
-        return self._types[tree, name]
+        given = [call.ports.get(name, "{}") for call in self.calls if call.callee == tree]
+        if not given or not all(_NUMBER.fullmatch(text) for text in given) or self._hands_on(tree, name):
+            return "text"
+        if any(_is_text(element, name) for element in below(self.file.trees[tree])):
+            return "text"
+        return "integer" if all(_INTEGER.fullmatch(text) for text in given) else "number"
 
     def _hands_on(self, tree: str, name: str) -> bool:
         """Whether a tree hands a parameter on to others."""
