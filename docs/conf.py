@@ -15,7 +15,7 @@ author = "The mpvi_bt maintainers"
 copyright = "MIT license"  # the theme's footer
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "sphinx_click"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 root_doc = "index"
 exclude_patterns = ["_build"]
 suppress_warnings = ["ref.python"]  # an attribute of several classes, named without its class

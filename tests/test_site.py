@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.cli import COMMANDS
+from tests import commands_page
+from tests.browser import BROWSER, browser
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -54,26 +56,56 @@ def test_every_page_is_in_the_index() -> None:
     assert sorted(listed) == sorted(str(p.relative_to(DOCS)) for p in PAGES if p.name != "index.md" or p.parent != DOCS)
 
 
-def test_every_command_has_its_reference() -> None:
-    """The page of commands has each command of the command line, in its order."""
-    page = (DOCS / "commands.md").read_text(encoding="utf-8")
-    assert re.findall(r"^\.\. click:: (\S+)$", page, flags=re.MULTILINE) == [where for where, _ in COMMANDS.values()]
+def test_the_page_of_commands_is_as_they_are() -> None:
+    """It has the help of each command and option; `python -m tests.commands_page` writes it."""
+    assert (DOCS / "commands.md").read_text(encoding="utf-8") == commands_page.text()
+
+
+def test_the_quick_start_of_the_landing_page_works(tmp_path: Path) -> None:
+    """Its commands behind the set-up, one after another, in an empty folder; a page of the run is there at the end."""
+    text = (DOCS / "index.md").read_text(encoding="utf-8")
+    first, *blocks = re.findall(r"^```sh\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+    assert first.startswith("make demo")
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    command = ["bash", "-euo", "pipefail", "-c", "".join(blocks)]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (tmp_path / "my_robot" / "my_tree.html").exists()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, as `make docs` builds it: a warning is an error."""
+    pytest.importorskip("sphinx_book_theme")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(DOCS), str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return folder
 
 
 @pytest.mark.rare
-def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
-    """What `make docs` calls ends with 0 where every warning is an error, and loads nothing from elsewhere."""
-    pytest.importorskip("sphinx_book_theme")
-    done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(DOCS), str(tmp_path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert (tmp_path / "_static" / "film.mp4").exists()
-    for page in tmp_path.rglob("*.html"):
+def test_every_page_fits_a_phone(site: Path, tmp_path: Path) -> None:
+    """No page is wider than 390 px: long code in a line wraps, and tables scroll in themselves."""
+    if BROWSER is None:
+        pytest.skip("needs Chromium")
+    wide = []
+    with browser(tmp_path) as running:
+        tab = running.tab("about:blank")
+        tab.size(390, 800)
+        for page in sorted(site.rglob("*.html")):
+            if "_static" not in page.parts:
+                tab.open(page.as_uri())
+                tab.until(f"document.readyState === 'complete' && location.href === '{page.as_uri()}'")
+                wide += [page.name] * (tab.eval("document.documentElement.scrollWidth") > 390)
+    assert wide == []
+
+
+@pytest.mark.rare
+def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
+    """Scripts, styles and pictures come along, the film too."""
+    assert (site / "_static" / "film.mp4").exists()
+    for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert 'href="file:' not in text, page.name  # "file:line:col" in a docstring, taken for an address
         assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"https?://[^\"]+\"", text), page.name
