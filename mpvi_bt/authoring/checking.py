@@ -61,15 +61,23 @@ def check_files(given: Iterable[str], task: str | None = None, stdin: str = "") 
             missing = True
             continue
         count += len(found)
-        named |= {os.path.realpath(file): file for file in found}
+        named |= {_real(file): file for file in found}
         if name == "-":
             problems += problems_in(STDIN, site, text=stdin)
         else:
             problems += [problem for file in found for problem in problems_in(file, site, named=found == [name])]
     # A file is read again for each file that names it, by another path perhaps: its problems are told once
-    told = [replace(p, file=named.get(os.path.realpath(p.file), p.file)) for p in problems]
+    told = [replace(p, file=named.get(_real(p.file), p.file)) for p in problems]
     once = {(p.file, p.line, p.column, p.message): p for p in told}
     return Checked(list(once.values()), count, missing)
+
+
+def _real(file: str) -> str:
+    """The path of a file without links; of a name that no file can have, that name."""
+    try:
+        return os.path.realpath(file)
+    except ValueError:
+        return file
 
 
 def below(given: str) -> list[str]:
