@@ -257,7 +257,7 @@ def test_a_pipe_is_read_once() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [["check", "TREE"], ["fmt", "--check", "TREE"], ["schema"], ["list", "behaviors"], ["list", "trees"]]
+    "words", [["check", "TREE"], ["fmt", "--check", "TREE"], ["schema"], ["list", "nodes"], ["list", "trees"]]
 )
 def test_what_reads_trees_loads_no_numpy_and_no_simulator(words: list[str]) -> None:
     """Nor py_trees: that a tree is fine is known without them."""

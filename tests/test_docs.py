@@ -79,10 +79,21 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", TREES, flags=re.MULTILINE | re.DOTALL)
 
 
+def test_the_file_of_nodes_of_the_reference_works(tmp_path: Path) -> None:
+    """Its file of nodes, beside its tree, is checked and run."""
+    (tmp_path / "my_nodes.py").write_text(blocks("python")[0])
+    (tmp_path / "signal.yaml").write_text(blocks("yaml")[1])
+    done = _mpvi(tmp_path, "check", "signal.yaml")
+    assert (done.returncode, done.stdout) == (0, "")
+    done = _mpvi(tmp_path, "run", "--dry", "--tree", "./signal.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "green, 0 to go" in done.stdout
+
+
 @pytest.mark.parametrize("dry", [True, False])
 def test_the_package_of_the_reference_works(tmp_path: Path, dry: bool) -> None:
     """Its files, written out and installed, add a node that is checked and run: a stand-in, or the class itself."""
-    nodes, waving = blocks("python")
+    _, nodes, waving = blocks("python")
     package = tmp_path / "my_robot"
     package.mkdir()
     (package / "__init__.py").touch()
@@ -95,7 +106,7 @@ def test_the_package_of_the_reference_works(tmp_path: Path, dry: bool) -> None:
     (installed / "entry_points.txt").write_text(points)
     tree = tmp_path / "welcome.yaml"
     for guest, code, words in (("Ada", 0, "stand-in" if dry else "waving at Ada"), ("nobody", int(not dry), "")):
-        tree.write_text(blocks("yaml")[1].replace("Ada", guest))
+        tree.write_text(blocks("yaml")[2].replace("Ada", guest))
         done = _mpvi(tmp_path, "check", "welcome.yaml")
         assert (done.returncode, done.stdout) == (0, "")
         done = _mpvi(tmp_path, "run", "--dry", "--tree", "./welcome.yaml")

@@ -186,7 +186,7 @@ def test_a_list_says_where_ones_own_files_lie(monkeypatch: pytest.MonkeyPatch, t
 
 def test_the_list_of_behaviors_names_their_choices() -> None:
     """Of what must be one of few words."""
-    words = " ".join(CliRunner().invoke(list_, ["behaviors"], standalone_mode=False).stdout.split())
+    words = " ".join(CliRunner().invoke(list_, ["nodes"], standalone_mode=False).stdout.split())
     assert "(composite, memory: true or false)" in words
     assert "(composite, policy: success_on_all or success_on_one)" in words
     assert "(leaf, posture: travel)" in words

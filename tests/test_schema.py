@@ -188,7 +188,7 @@ NODES = [NodeType("whistle", "leaf", Tune, "tune", "whistling:Whistle", "Whistle
 
 @pytest.fixture
 def plugin(tmp_path: Path) -> Path:
-    """A folder with an installed package that adds a kind of node by entry point."""
+    """A folder with an installed package that adds a node by entry point."""
     (tmp_path / "whistling.py").write_text(PLUGIN)
     info = tmp_path / "whistling-1.0.dist-info"
     info.mkdir()
@@ -205,14 +205,14 @@ def mpvi(plugin: Path, *args: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_package_adds_behaviors_by_entry_point(plugin: Path) -> None:
+def test_a_package_adds_nodes_by_entry_point(plugin: Path) -> None:
     """What it adds is listed, checked, formatted, drawn and in the schema, like our own."""
     text = "tree: t\nroot:\n  whistle: waltz\n  volume: 11\n"
     (plugin / "t.yaml").write_text(text)
     assert mpvi(plugin, "check", "t.yaml").stdout == ""
     assert mpvi(plugin, "fmt", "--check", "t.yaml").returncode == 0
     assert "whistle waltz" in mpvi(plugin, "render", "t.yaml").stdout
-    listed = json.loads(mpvi(plugin, "list", "behaviors", "--json").stdout)
+    listed = json.loads(mpvi(plugin, "list", "nodes", "--json").stdout)
     assert listed["whistle"] == {
         "family": "leaf",
         "headline": "tune",
@@ -236,9 +236,9 @@ def test_a_broken_package_is_told_in_one_line(plugin: Path) -> None:
     assert "entry point 'whistling' of mpvi_bt.behaviors in package 'whistling': ZeroDivisionError" in done.stdout
 
 
-def test_our_behaviors_are_listed_with_their_parameters() -> None:
-    """`mpvi list behaviors` has a line for every kind, within 80 columns."""
-    shown = CliRunner().invoke(list_, ["behaviors"], standalone_mode=False).stdout
+def test_our_nodes_are_listed_with_their_parameters() -> None:
+    """`mpvi list nodes` has a line for every kind, within 80 columns."""
+    shown = CliRunner().invoke(list_, ["nodes"], standalone_mode=False).stdout
     assert all(len(line) <= 80 for line in shown.splitlines())
     words = " ".join(textwrap.dedent(shown).split())
     assert "Drives the base to a named target. (leaf, target, [room], [elsewhere: true or false])" in words

@@ -303,7 +303,7 @@ def _dumped(content: Any) -> str:
 
 
 _TREE = """\
-# What nodes there are: mpvi list behaviors. The format: docs/trees.md.
+# What nodes there are: mpvi list nodes. The format: docs/trees.md.
 tree: {name}
 about: Drive to something and pick it up; try again where that fails.
 parameters:

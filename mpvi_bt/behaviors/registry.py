@@ -3,8 +3,8 @@
 One table for the YAML reader, compiler, renderer, linter, schema and builder. Classes are named as text, so that trees
 can be read, checked and drawn without py_trees or numpy.
 
-Other packages add kinds of their own through the entry point group `mpvi_bt.behaviors`: each entry point is a NodeType
-or an iterable of them.
+Other packages add nodes of their own through the entry point group `mpvi_bt.behaviors`: each entry point is a NodeType
+or an iterable of them. A tree file may name others, which are known in it alone (`own_nodes.py`).
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from mpvi_bt.behaviors.parameters import (
 from mpvi_bt.errors import UnknownName, UserError
 
 ENTRY_POINTS = "mpvi_bt.behaviors"
+RESERVED = ("children", "child", "segments")  # keys of every node
 
 Family = Literal["composite", "decorator", "leaf"]
 
@@ -66,7 +67,7 @@ class NodeType:
         family: A composite has children, a decorator one child, a leaf none.
         parameters: Model of its parameters.
         headline: The parameter that the kind's key holds; "name" for the node's name.
-        factory: "module:Class", called with name, the parameters, and child or children.
+        factory: "module:Class" or "folder/file.py:Class", called with name, the parameters, and child or children.
         summary: One line.
         label: How it is drawn, from name and parameters; None: the kind, and its name or headline.
         glyph: Before the label, from the parameters; None: what py_trees draws.
@@ -88,6 +89,12 @@ class NodeType:
     robot: bool = False
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
+
+    @property
+    def needs_headline(self) -> bool:
+        """Whether the kind's key must hold a parameter."""
+        headline = self.parameters.model_fields.get(self.headline)
+        return headline is not None and headline.is_required()
 
     def label_of(self, name: str, parameters: Any) -> str:
         """One line for a person, such as "Navigate(trash can, kitchen)"."""
@@ -388,7 +395,7 @@ def _add(table: dict[str, NodeType], added: Iterable[object], whose: str) -> Non
     for node in added:
         if not isinstance(node, NodeType):
             raise UserError(f"{whose}: {node!r:.60} is not a NodeType")
-        if node.kind in table or node.kind in ("children", "child", "segments"):
+        if node.kind in table or node.kind in RESERVED:
             raise UserError(f"{whose}: a node type {node.kind!r} is there already")
         table[node.kind] = node
 

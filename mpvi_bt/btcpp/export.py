@@ -166,7 +166,7 @@ class _Exporter:
         self.used.add(spec.kind)
         element = ElementTree.SubElement(above, mapping.own_id(spec.kind))
         attributes = {"name": spec.name} if spec.type.headline == "name" and spec.name else {}
-        for name, port in mapping.ports_of(spec.kind).items():
+        for name, port in mapping.ports_of_type(spec.type).items():
             value = getattr(spec.parameters, name)
             if value is None or (value is False and type(spec.parameters).model_fields[name].default is False):
                 continue
@@ -201,11 +201,12 @@ class _Exporter:
     def _models(self, above: ElementTree.Element) -> None:
         """What our nodes look like: those used, and those that BehaviorTree.CPP has nothing like."""
         theirs = {row.kind for row in mapping.BUILTINS} | {"subtree", "set", "test", "condition"}
-        for kind, node_type in sorted(node_types().items(), key=lambda item: mapping.own_id(item[0])):
+        types = {**node_types(), **{placed.spec.kind: placed.spec.type for placed in self.tree.nodes}}
+        for kind, node_type in sorted(types.items(), key=lambda item: mapping.own_id(item[0])):
             if kind in theirs - self.used:
                 continue
             model = ElementTree.SubElement(above, mapping.model_of(node_type), ID=mapping.own_id(kind))
-            for name, port in mapping.ports_of(kind).items():
+            for name, port in mapping.ports_of_type(node_type).items():
                 made = ElementTree.SubElement(model, "input_port", name=name, type=port.type)
                 if port.optional:
                     made.set("default", "")

@@ -144,12 +144,13 @@ _CPP = {"string": "std::string", "integer": "int", "number": "double", "boolean"
 
 
 def ports_of(kind: str) -> Mapping[str, Port]:
-    """The ports of a kind: its parameters, by name."""
-    return _ports_of(node_types()[kind])
+    """The ports of a kind that is registered."""
+    return ports_of_type(node_types()[kind])
 
 
 @functools.cache
-def _ports_of(node_type: NodeType) -> Mapping[str, Port]:
+def ports_of_type(node_type: NodeType) -> Mapping[str, Port]:
+    """The ports of a type of node: its parameters, by name."""
     schema = node_type.parameters.model_json_schema()
     needed = schema.get("required", [])
     ports = {}

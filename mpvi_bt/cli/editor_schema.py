@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 
 @click.command()
 @click.argument("what", type=click.Choice(["tree", "rules"]), default="tree")
-def schema(what: str) -> None:
+@click.option(
+    "--nodes", multiple=True, metavar="FILE", help="Nodes of your own: my_nodes.py, or my_nodes:Blink. Can be repeated."
+)
+def schema(what: str, nodes: tuple[str, ...]) -> None:
     """Print the JSON Schema of trees, with the nodes of every installed package, or of substitution rules.
 
     A tree names it in its first line: "# yaml-language-server: $schema=schema/tree.json", a path from where it lies.
     """
+    from mpvi_bt.behaviors.own_nodes import own_nodes
     from mpvi_bt.tree.json_schema import schema_text
 
-    click.echo(schema_text(what), nl=False)
+    if nodes and what != "tree":
+        raise click.UsageError("--nodes is of the schema of trees.")
+    own = [node for given in nodes for node in own_nodes(Path(given).name, Path(given).parent)]
+    click.echo(schema_text(what, own), nl=False)

@@ -1,4 +1,4 @@
-"""`mpvi list`: what tasks, methods, skills, trees, things, behaviors and backends there are, with one line each."""
+"""`mpvi list`: what tasks, methods, skills, trees, things, nodes and backends there are, with one line each."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ FOLDERS = {
 
 
 @click.command(name="list")
-@click.argument("what", type=click.Choice([*FOLDERS, "objects", "families", "behaviors", "backends"]))
+@click.argument("what", type=click.Choice([*FOLDERS, "objects", "families", "nodes", "backends"]))
 @click.option("--long", "whole", is_flag=True, help="Full descriptions, over several lines.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
 def list_(what: str, whole: bool, as_json: bool) -> None:
-    """What tasks, suites, methods, skills, trees, behaviors or backends there are, with one line each.
+    """What tasks, suites, methods, skills, trees, nodes or backends there are, with one line each.
 
     Objects are the things of the catalogue, families what makes their shapes of parameters (with pictures:
-    docs/families.md). Behaviors are the nodes that a tree may have, those of installed packages too, with theirs.
+    docs/families.md). Nodes are those that any tree may have: ours and those of installed packages.
     """
-    if what == "behaviors":
-        _print_behaviors(as_json)
+    if what == "nodes":
+        _print_nodes(as_json)
         return
     others = {"backends": _backends, "objects": _objects, "families": _families}
     lines = others[what]() if what in others else _files(FOLDERS[what])
@@ -53,20 +53,20 @@ def _print(lines: dict[str, str], whole: bool) -> None:
             click.echo(cut(f"{first}{one_line(line)}".rstrip(), width))
 
 
-def _print_behaviors(as_json: bool) -> None:
-    behaviors = _behaviors()
+def _print_nodes(as_json: bool) -> None:
+    nodes = _nodes()
     if as_json:
-        click.echo(json.dumps(behaviors, indent=2))
+        click.echo(json.dumps(nodes, indent=2))
         return
     lines = {}
-    for kind, about in behaviors.items():
+    for kind, about in nodes.items():
         words = {name: f"{name}: {' or '.join(of)}" if of else name for name, of in _choices(kind).items()}
         given = [words[name] if needed else f"[{words[name]}]" for name, needed in about["parameters"].items()]
         lines[kind] = f"{about['summary']} ({', '.join([about['family'], *given])})"
     _print(lines, True)
 
 
-def _behaviors() -> dict[str, dict[str, Any]]:
+def _nodes() -> dict[str, dict[str, Any]]:
     """Every kind of node: its family, its parameters (the headline first) and whether each is needed, its summary."""
     from mpvi_bt.behaviors.registry import node_types
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from functools import cached_property
 from typing import Annotated, Literal
@@ -10,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mpvi_bt import paths
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.mcp_server.answers import (
     CheckedText,
     Found,
@@ -97,6 +98,8 @@ class Tools:
         """Every problem of a tree or a plan, with line, column and what would be valid. Check before you run."""
         from mpvi_bt.authoring.checking import check_files
 
+        with contextlib.suppress(FileProblems):  # told below
+            _refuse_code(text)
         problems = check_files(["-"], None if task is None else _known(task), text).problems
         return CheckedText(
             ok=not [p for p in problems if p.severity == "error"],
@@ -123,6 +126,7 @@ class Tools:
         elif tree in paths.names("trees"):
             spec = api.load_tree(tree)
         else:
+            _refuse_code(str(tree))
             spec = parse_tree(str(tree), "tree", load_skills())
         return Preview(name=spec.name, nodes=len(spec.nodes), drawing=ascii_tree(spec, width=100))
 
@@ -202,3 +206,12 @@ def _known(task: str) -> str:
     """The name of a task on file: paths are not for clients. Raises UnknownName."""
     paths.find("tasks", task)
     return task
+
+
+def _refuse_code(text: str) -> None:
+    """Raise UserError if a tree has nodes of its own, as reading it would run code; FileProblems if it is no YAML."""
+    from mpvi_bt.marked_yaml import parse_marked
+
+    data, _ = parse_marked(text, "tree")
+    if isinstance(data, dict) and "nodes" in data:
+        raise UserError("nodes: a tree that a client sends cannot bring code; name a tree of MPVI_PATH that has it")

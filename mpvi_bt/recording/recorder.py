@@ -262,7 +262,7 @@ def _is_where(saved: SavedRun, trace: Trace, i: int) -> bool:
 
 def _kinds(tree: TreeSpec) -> dict[str, str]:
     """Kinds of node that other packages add, and whose."""
-    types = (placed.spec.type for placed in tree.nodes)
+    types = (placed.spec.type for placed in tree.nodes if placed.spec.own is None)
     modules = {node.kind: node.factory.partition(":")[0].partition(".")[0] for node in types}
     return {kind: module for kind, module in modules.items() if module not in ("", mpvi_bt.__name__)}
 

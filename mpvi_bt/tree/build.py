@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -16,6 +15,7 @@ from py_trees.decorators import Decorator
 from mpvi_bt.behaviors.context import Context, Failure
 from mpvi_bt.behaviors.node import failure_of
 from mpvi_bt.errors import MpviError, NodeError, UnknownName, UserError
+from mpvi_bt.import_paths import imported
 from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
@@ -289,14 +289,13 @@ def _make(spec: NodeSpec, children: list[Behaviour]) -> Behaviour:
         arguments["children"] = children
     elif spec.type.family == "decorator":
         arguments["child"] = children[0]
-    module, _, name = spec.type.factory.partition(":")
+    where = f"{spec.place}: " if spec.place else ""
+    factory: Callable[..., Behaviour] = imported(spec.type.factory, f"{where}node {spec.kind!r}")
     try:
-        factory: Callable[..., Behaviour] = getattr(importlib.import_module(module), name)
         return factory(name=spec.name or spec.kind, **arguments)
-    except (ImportError, AttributeError, TypeError) as error:
-        where = f"{spec.place}: " if spec.place else ""
+    except TypeError as error:
         made = f"{spec.type.factory}(name=..., {', '.join(f'{key}=...' for key in arguments)})"
-        raise UserError(f"{where}node type {spec.kind!r} cannot be made by {made}: {error}") from error
+        raise UserError(f"{where}node {spec.kind!r} cannot be made by {made}: {error}") from error
 
 
 def _spliced(spec: TreeSpec, parent: str | None, first: int, stop: int, new: Sequence[NodeSpec]) -> NodeSpec:

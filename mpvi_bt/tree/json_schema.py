@@ -7,7 +7,7 @@ skills, arguments of subtrees and keys that nothing writes.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import BaseModel
@@ -27,6 +27,7 @@ _ABOUT = {
     "tree": "The tree's name, which is that of its file.",
     "about": "One line for a person.",
     "instruction": "What the tree carries out, as one would tell the robot.",
+    "nodes": "Where the tree's own nodes are: files beside it, such as my_nodes.py, or import paths.",
     "parameters": "What a caller can set: name to type, or to {type, default, about}. Written $name where it is used.",
     "blackboard": "Keys that exist from the start, with their first values.",
     "root": "The first node.",
@@ -36,10 +37,11 @@ _ABOUT = {
 }
 
 
-def tree_schema() -> dict[str, Any]:
-    """The schema of a tree file, with the nodes of every installed package. Raises as `node_types` does."""
+def tree_schema(own: Iterable[NodeType] = ()) -> dict[str, Any]:
+    """The schema of a tree file, with the nodes of every installed package and these. Raises as `node_types` does."""
     definitions: dict[str, Any] = {"reference": _REFERENCE}
-    nodes = {kind: _node(node, definitions) for kind, node in node_types().items()}
+    types = {**node_types(), **{node.kind: node for node in own}}
+    nodes = {kind: _node(node, definitions) for kind, node in types.items()}
     definitions |= {"node": _any_node(nodes), **{f"node-{kind}": node for kind, node in nodes.items()}}
     top = _plain(TreeFile, definitions)
     top["properties"]["root"] = _ref("node")
@@ -60,9 +62,9 @@ def rules_schema() -> dict[str, Any]:
     return {**head, **top, "definitions": definitions}
 
 
-def schema_text(what: str = "tree") -> str:
-    """The schema of "tree" or "rules" as the text of a file."""
-    schema = rules_schema() if what == "rules" else tree_schema()
+def schema_text(what: str = "tree", own: Iterable[NodeType] = ()) -> str:
+    """The schema of "tree", with nodes of one's own, or of "rules" as the text of a file."""
+    schema = rules_schema() if what == "rules" else tree_schema(own)
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -90,6 +92,8 @@ def _node(node: NodeType, definitions: dict[str, Any]) -> dict[str, Any]:
     head = _plain(NodeHead, definitions)["properties"]
     required = [key for key in given.get("required", ()) if key != node.headline]
     first = head["name"] if node.headline == "name" else properties.pop(node.headline)
+    if not node.needs_headline and node.headline != "name" and "null" not in json.dumps(first):
+        first = {"anyOf": [*first.get("anyOf", [first]), {"type": "null"}]}
     below = "" if node.kind == "subtree" else {"composite": "children", "decorator": "child", "leaf": ""}[node.family]
     summary = node.summary if node.headline == "name" else f"{node.summary} {help_}"
     properties = {node.kind: {**first, "description": summary}, **{k: _about(v, help_) for k, v in properties.items()}}

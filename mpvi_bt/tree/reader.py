@@ -9,9 +9,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from mpvi_bt.behaviors import references
+from mpvi_bt.behaviors.own_nodes import as_described, own_nodes
 from mpvi_bt.behaviors.parameters import Call, Value
 from mpvi_bt.behaviors.registry import NodeType, node_types
-from mpvi_bt.errors import FileProblems, did_you_mean, shown
+from mpvi_bt.errors import FileProblems, UserError, did_you_mean, shown
 from mpvi_bt.marked_yaml import Location, Marks, problems_of
 from mpvi_bt.tree.calls import called_file
 from mpvi_bt.tree.spec import NodeSpec, Place, TreeParameter, TreeSpec
@@ -35,6 +36,10 @@ def read(data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, 
         UserError: An argument that the tree does not have, or that is of another type.
         FileProblems: Everything that is wrong with the file and those of its subtrees.
     """
+    if reading.expanded and isinstance(data, dict):
+        told = data.get("nodes", {})
+        reading.own |= {kind: as_described(kind, node) for kind, node in told.items()}
+        data = {key: value for key, value in data.items() if key != "nodes"}
     file = head_of(data, marks, reading)
     values = typed(arguments, file)
     path = Path(marks.file)
@@ -60,14 +65,40 @@ def _tree(
     unbound = tuple(name for name in file.parameters if name not in values)
     stand_ins = {name: _STAND_INS.get(file.parameters[name].type, f"${name}") for name in unbound}
     root = source.data.get("root") if isinstance(source.data, dict) else None
-    reader = _Reader(source.marks, reading, values | stand_ins, frozenset(unbound), above, keys.union(file.blackboard))
+    own = reading.own if reading.expanded else _own_nodes(source, reading)
+    if own is None:
+        return None  # which of the nodes below are none is not known
+    types = {**node_types(), **own}
+    below = keys.union(file.blackboard)
+    reader = _Reader(source.marks, reading, types, values | stand_ins, frozenset(unbound), above, below)
     node = reader.node(root, ("root",), ()) if isinstance(root, dict) else None
     if node is None:
         return None
     parameters = {name: TreeParameter(p.type, p.default, p.about) for name, p in file.parameters.items()}
     blackboard = dict(reading.blackboard)
     inherited = frozenset(blackboard).difference(file.blackboard)
-    return TreeSpec(file.tree, node, file.instruction, file.about, parameters, blackboard, unbound, inherited)
+    about = file.instruction, file.about
+    return TreeSpec(file.tree, node, *about, parameters, blackboard, unbound, inherited, file.nodes)
+
+
+def _own_nodes(source: TreeSource, reading: TreeReading) -> dict[str, NodeType] | None:
+    """The nodes that a file names under `nodes:`, by kind; None if anything is wrong with them, which is noted."""
+    found: dict[str, NodeType] = {}
+    before = len(reading.problems)
+    listed = isinstance(source.data, dict) and isinstance(source.data.get("nodes"), list)
+    for i, given in enumerate(source.file.nodes):
+        at = ("nodes", i) if listed else ("nodes",)
+        try:
+            nodes = own_nodes(given, Path(source.marks.file).parent)
+        except UserError as error:
+            reading.add(source.marks.problem(at, "own-node", str(error)))
+            continue
+        for node in nodes:
+            if (other := reading.own.setdefault(node.kind, node)).factory != node.factory:
+                message = f"a node {node.kind!r} is of {other.factory} already; {node.factory} needs another name"
+                reading.add(source.marks.problem(at, "own-node", message))
+            found[node.kind] = node
+    return found if len(reading.problems) == before else None
 
 
 class _Reader:
@@ -76,6 +107,7 @@ class _Reader:
     Args:
         marks: Of the file.
         reading: Of the whole tree.
+        types: Those of nodes that the file may have, by kind.
         values: Of the file's parameters.
         unbound: Those of them that stand-ins fill.
         above: The file and those that called it, outermost first.
@@ -86,13 +118,14 @@ class _Reader:
         self,
         marks: Marks,
         reading: TreeReading,
+        types: Mapping[str, NodeType],
         values: Mapping[str, Value],
         unbound: frozenset[str],
         above: tuple[Path, ...],
         keys: frozenset[str],
     ) -> None:
         self.marks, self.reading, self.values, self.unbound, self.above = marks, reading, values, unbound, above
-        self.keys = keys
+        self.types, self.keys = types, keys
         self.problems = reading.problems
 
     def node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec | None:
@@ -129,7 +162,8 @@ class _Reader:
         written = self.written(data, node_type)
         unbound = frozenset(key for key, value in written.items() if self.unbound.intersection(_names(value)))
         place = Place(self.marks.file, *self.marks.at((*at, node_type.kind), key=True))
-        return NodeSpec(node_type.kind, parameters, head.name or "", children, segments, place, written, unbound)
+        own = None if node_type.kind in node_types() else node_type
+        return NodeSpec(node_type.kind, parameters, head.name or "", children, segments, place, written, unbound, own)
 
     def given(self, data: dict[str, Any], node_type: NodeType) -> dict[str, Any]:
         """The node's parameters as the file writes them; the headline under its own name."""
@@ -145,10 +179,10 @@ class _Reader:
         return {key: value for key, value in given.items() if key in changed}
 
     def kind(self, data: dict[str, Any], at: Location) -> NodeType | None:
-        kinds = [key for key in data if key in node_types()]
+        kinds = [key for key in data if key in self.types]
         first = next(iter(data))
         if not kinds:
-            kinds = list(node_types())  # composites first
+            kinds = list(self.types)  # composites first
             near = meant(first, kinds)
             message = f"unknown node {shown(first)}.{did_you_mean(near, kinds, 99)}"
             more = {"nearest": near, "known": tuple(kinds)}
@@ -160,7 +194,7 @@ class _Reader:
         if kinds[0] != first:
             message = f"the node type {kinds[0]!r} must be the first key of its node"
             self.problem((*at, kinds[0]), "order", message, key=True)
-        return node_types()[kinds[0]]
+        return self.types[kinds[0]]
 
     def misplaced(self, data: dict[str, Any], at: Location, node_type: NodeType) -> bool:
         """Whether what belongs below a node stands right behind its kind; then that is noted, and it is read too."""
@@ -198,12 +232,14 @@ class _Reader:
 
     def parameters(self, data: dict[str, Any], at: Location, node_type: NodeType) -> Any:
         """The node's parameters, filled in and checked, or None."""
-        raw = {k: v for k, v in self.given(data, node_type).items() if k not in node_types() or k == node_type.headline}
+        raw = {k: v for k, v in self.given(data, node_type).items() if k not in self.types or k == node_type.headline}
         if node_type.headline == "name":
             del raw["name"]
         elif node_type.headline in data and node_type.headline != node_type.kind:
             message = f"{node_type.headline!r} is already given as {node_type.kind!r}"
             self.problem((*at, node_type.headline), "duplicate-key", message, key=True)
+        elif raw[node_type.headline] is None and not node_type.needs_headline:
+            del raw[node_type.headline]  # `blink:` alone is as its class has it
         keys = {node_type.headline: node_type.kind}
         try:
             parameters = node_type.parameters.model_validate(references.fill(raw, self.values))

@@ -33,7 +33,7 @@ class NodeSpec:
     """A node.
 
     Attributes:
-        kind: Such as "timeout"; a key of `behaviors.registry.node_types()`.
+        kind: Such as "timeout"; a key of `behaviors.registry.node_types()`, or that of a node of the file's own.
         parameters: Of the model that the kind prescribes.
         name: "" unless the kind is headed by its name.
         children: In order. Of a subtree: the root of the other file's tree, its parameters filled in.
@@ -42,6 +42,7 @@ class NodeSpec:
         written: Parameters as the file writes them where that is not their value: "$object", or
             "the $object" for "the cup". Equality looks at values.
         unbound: Those of `written` that stand-ins fill, because a parameter of the tree has no value.
+        own: Its type, where it is a node of the file's own.
     """
 
     kind: str
@@ -52,11 +53,12 @@ class NodeSpec:
     place: Place | None = field(default=None, compare=False)
     written: Mapping[str, Any] = field(default_factory=dict, compare=False)
     unbound: frozenset[str] = field(default=frozenset(), compare=False)
+    own: NodeType | None = field(default=None, compare=False, repr=False)
 
     @property
     def type(self) -> NodeType:
-        """Its row of the registry."""
-        return node_types()[self.kind]
+        """Its row of the registry, or its own."""
+        return self.own or node_types()[self.kind]
 
     @property
     def label(self) -> str:
@@ -117,6 +119,7 @@ class TreeSpec:
         parameters: That the file declares, by name.
         blackboard: Keys that exist from the start, with their first values; those of subtrees, too.
         inherited: Those of them that only subtrees declare.
+        own_nodes: Where the file's own nodes are, as it says under `nodes:`.
         unbound: Names of parameters that have no value: such a tree can be checked and drawn, but not run.
     """
 
@@ -128,6 +131,7 @@ class TreeSpec:
     blackboard: Mapping[str, Value] = field(default_factory=dict)
     unbound: tuple[str, ...] = ()
     inherited: frozenset[str] = field(default=frozenset(), compare=False)
+    own_nodes: tuple[str, ...] = field(default=(), compare=False)
 
     @cached_property
     def nodes(self) -> tuple[Placed, ...]:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, StringConstraints, field_validator, model_validator
+from pydantic import Field, StringConstraints, WithJsonSchema, field_validator, model_validator
 
 from mpvi_bt.behaviors.parameters import Key, Value
+from mpvi_bt.behaviors.registry import NodeType
 from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError, shown
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, Record, plain_scalar, validate_data
 from mpvi_bt.plan.schema import Phrase
@@ -39,15 +40,27 @@ class FullParameter(Record):
         return self
 
 
+_Item = Annotated[str, StringConstraints(min_length=1, max_length=300)]
+_ITEM = {"type": "string", "minLength": 1, "maxLength": 300}
+OwnNodes = Annotated[tuple[_Item, ...], WithJsonSchema({"anyOf": [_ITEM, {"type": "array", "items": _ITEM}]})]
+
+
 class TreeFile(Record):
     """The keys at the top of a tree file."""
 
     tree: Phrase
     about: Annotated[str, StringConstraints(strip_whitespace=True, max_length=300)] = ""
     instruction: Annotated[str, StringConstraints(strip_whitespace=True, max_length=2000)] = ""
+    nodes: OwnNodes = ()
     parameters: dict[Key, FullParameter] = {}
     blackboard: dict[Key, Value] = {}
     root: dict[str, Any]
+
+    @field_validator("nodes", mode="before")
+    @classmethod
+    def _one_item(cls, given: Any) -> Any:
+        """`nodes: my_nodes.py` is short for `nodes: [my_nodes.py]`."""
+        return (given,) if isinstance(given, str) else given
 
     @field_validator("parameters", mode="before")
     @classmethod
@@ -83,6 +96,7 @@ class TreeReading:
         expanded: Whether subtrees are written out in place, as in a trace.
         problems: Found so far.
         sources: Files of subtrees, by resolved path, so that each is parsed once; None: it has problems.
+        own: Nodes of the files' own so far, by kind.
         blackboard: First values of keys that subtrees declare.
         count: Nodes so far.
         depth: Of the node that is being read, 1 for the root.
@@ -92,6 +106,7 @@ class TreeReading:
     expanded: bool = False
     problems: list[Problem] = field(default_factory=list)
     sources: dict[Path, TreeSource | None] = field(default_factory=dict)
+    own: dict[str, NodeType] = field(default_factory=dict)
     blackboard: dict[str, Value] = field(default_factory=dict)
     count: int = 0
     depth: int = 0
@@ -111,7 +126,8 @@ def head_of(data: Any, marks: Marks, reading: TreeReading) -> TreeFile:
         reading.problems += error.problems
         names = data.get("parameters") if isinstance(data, dict) else None
         known = {str(name): FullParameter(type="text") for name in names} if isinstance(names, dict) else {}
-        return TreeFile.model_construct(tree="", parameters=known, blackboard={}, about="", instruction="", root={})
+        empty: dict[str, Any] = {"tree": "", "about": "", "instruction": "", "nodes": (), "blackboard": {}, "root": {}}
+        return TreeFile.model_construct(parameters=known, **empty)
     for name in file.parameters:
         if name in file.blackboard:
             message = f"{name!r} is a parameter of the tree already; name the key otherwise"

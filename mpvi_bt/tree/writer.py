@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from mpvi_bt.behaviors.own_nodes import described
 from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.marked_yaml import plain_scalar
 from mpvi_bt.tree.spec import NodeSpec, TreeParameter, TreeSpec
@@ -28,7 +29,9 @@ def to_yaml(data: dict[str, Any]) -> str:
 
 def expanded(tree: TreeSpec) -> dict[str, Any]:
     """The tree as JSON-able data that needs no other file: parameters filled in, subtrees written out."""
-    head = {key: value for key, value in _head(tree).items() if key != "parameters"}
+    head = {key: value for key, value in _head(tree).items() if key not in ("parameters", "nodes")}
+    if own := {p.spec.kind: described(p.spec.own) for p in tree.nodes if p.spec.own}:
+        head["nodes"] = dict(sorted(own.items()))
     return {**head, "root": _plain(tree.root, (), expand=True)}
 
 
@@ -37,6 +40,7 @@ def _head(tree: TreeSpec) -> dict[str, Any]:
         "tree": tree.name,
         "about": tree.about,
         "instruction": tree.instruction,
+        "nodes": Flow(tree.own_nodes),
         "parameters": {name: _parameter(p) for name, p in tree.parameters.items()},
         "blackboard": dict(tree.blackboard),
     }
@@ -52,7 +56,9 @@ def _parameter(parameter: TreeParameter) -> str | FlowMapping:
 
 def _plain(node: NodeSpec, inherited: tuple[int, ...], expand: bool) -> dict[str, Any]:
     written = {} if expand else node.written
-    values = node.parameters.model_dump(exclude_defaults=True) | {k: v for k, v in written.items() if k != "name"}
+    everything = expand and node.own is not None  # where its class is not there, nobody knows what is default
+    given = node.parameters.model_dump(exclude_defaults=not everything)
+    values = given | {k: v for k, v in written.items() if k != "name"}
     named = node.type.headline == "name"
     first = written.get("name", escaped(node.name)) or None if named else values.pop(node.type.headline, None)
     plain = {node.kind: tidy(first), **{key: tidy(value) for key, value in values.items()}}
