@@ -104,7 +104,9 @@ class Policy(Protocol):
     Optional: `note`, a str, one line on what it is doing or why it is stuck, without numbers that change every step;
     `gave_up`, a bool: it has given up this prompt, which a policy behind it may do if the note begins with `NO_SKILL`;
     `ended`, a bool: it thinks that the prompt is done, or has given up; `progress`, a float, 0 to 1: how far along it
-    takes itself to be, or None; and `close()`, called once at the end.
+    takes itself to be, or None; `rate_hz`, its rows a second, or `dataset`, a folder of LeRobot's or of a recorded
+    demonstration that says it; `actions`, "absolute", "delta" or "velocity", what joints in its rows are; and
+    `close()`, called once at the end.
     """
 
     @property
@@ -125,10 +127,11 @@ class Policy(Protocol):
         ...
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, 23), H >= 1, one a control step. They may move the base, too.
+        """The next actions, (H, 23), H >= 1, one a control step, or at its own rate. They may move the base, too.
 
         Args:
-            observation: "prompt": str; "proprioception": Proprioception; "images": Mapping camera -> CameraImage.
+            observation: "prompt": str; "proprioception": Proprioception; "images": Mapping camera -> CameraImage;
+                "command": (23,) what the robot was told last.
 
         Raises:
             PolicyError: The policy's backend, such as a server, failed; the episode ends and does not count for the

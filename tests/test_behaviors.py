@@ -91,7 +91,7 @@ class Chunks:
         self.resets += 1
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        assert set(observation) == {"prompt", "proprioception", "images"}
+        assert set(observation) == {"prompt", "proprioception", "images", "command"}
         assert isinstance(observation["images"]["head"], CameraImage)
         self.prompts.append(observation["prompt"])
         chunk = np.zeros((self.length, ACTION_SIZE))

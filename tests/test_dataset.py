@@ -34,10 +34,11 @@ from mpvi_bt.tree.yaml_io import load_tree
 from tests.demonstrating import Moving, held, recorded, told
 
 
-def test_a_row_has_what_was_felt_before_the_action_that_it_names(tmp_path: Path) -> None:
-    """Ten rows a second: of every third step, state and action are those of that very step."""
+def test_a_row_has_what_was_felt_at_its_beginning_and_what_was_told_until_the_next(tmp_path: Path) -> None:
+    """Ten rows a second: state and pose are of every third step, joint targets of the step before the next."""
     frames = read_demonstration(recorded(tmp_path / "one", 5)).frames
-    assert frames["action"][:, 0].tolist() == [0, 300, 600, 900, 1200]
+    first = ActionLayout.TORSO.start
+    assert (frames["action"][:, first] - first).tolist() == [200, 500, 800, 1100, 1200]
     assert frames["base_pose"][:, 0].tolist() == [0, 3, 6, 9, 12]
     assert frames["state"].shape == (5, ACTION_SIZE)
 

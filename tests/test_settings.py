@@ -26,7 +26,8 @@ FIELDS = {field.name: field for field in fields(EpisodeConfig)}
 OTHER = {  # a value of each setting of a method that is not as by default
     "planner": "none", "drive": "policy", "on_failure": "retry:2", "unit": "monitored", "calibration": "c.json",
     "map": "online", "detector": "oracle", "policy": "reactive", "policy_settings": "openpi_comet", "policy_horizon": 8,
-    "policy_ensemble": 0.5, "pregrasp": True, "checker": "oracle", "trigger": "periodic:300", "while_asked": "hold",
+    "policy_ensemble": 0.5, "policy_rate": 10.0, "policy_actions": "delta",
+    "pregrasp": True, "checker": "oracle", "trigger": "periodic:300", "while_asked": "hold",
     "policy_faults": "drift", "latency": "policy=0.4", "while_inferring": "go_on", "robot": "fetch", "sim": "maniskill",
     "assisted": True,
 }  # fmt: skip

@@ -31,6 +31,7 @@ from vla_eval.model_servers.base import SessionContext
 from vla_eval.model_servers.behavior1k_baseline import Behavior1KBaselineModelServer
 from vla_eval.specs import check_specs
 
+from mpvi_bt.action_rows import command_of
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.policies import PolicyInputs, demonstrations, make_policy
 from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
@@ -42,7 +43,6 @@ from mpvi_bt.remote.observation import write_observation
 from mpvi_bt.remote.relay import Relay, Stopped
 from mpvi_bt.remote.server import Refused
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy
-from mpvi_bt.remote.wire_mapping import still
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.serving.vla_eval_benchmark import MpviBenchmark
@@ -138,7 +138,7 @@ def test_where_no_answer_has_come_the_robot_holds() -> None:
             relay.answer({"actions": reply})
         thread.join(10)
     first, _, later, anew = results
-    at_rest = still(seen["proprioception"])[None]
+    at_rest = command_of(seen["proprioception"])[None]
     np.testing.assert_array_equal(first, at_rest)
     np.testing.assert_array_equal(later, [[0.0, 0.0, 0.0, *told[1, 3:]]])
     np.testing.assert_array_equal(anew, at_rest)

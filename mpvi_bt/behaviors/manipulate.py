@@ -113,4 +113,5 @@ class Manipulate(Leaf):
         with context.stopwatch("rendering"):
             images = {camera: context.robot.look(camera) for camera in context.policy.cameras}
         with context.stopwatch("policy"):
-            return ask(context.policy, {"prompt": self._said, "proprioception": body, "images": images})
+            seen = {"prompt": self._said, "proprioception": body, "images": images, "command": context.robot.action}
+            return ask(context.policy, seen)

@@ -111,6 +111,18 @@ class PolicySettings:
     policy_ensemble: float | None = setting(
         None, "Ask at every step, and average overlapping chunks with weights exp(-DECAY i).", "DECAY", least=0
     )
+    policy_rate: float | None = setting(
+        None,
+        "Rows of actions a second, before what the policy's settings, its dataset, its server or it itself says.  "
+        "[default: 30, if none of them says]",
+        "HZ",
+        least=1,
+    )
+    policy_actions: Literal["absolute", "delta", "velocity"] | None = setting(
+        None,
+        "What joints in a row of actions are: targets, changes in a row, or speeds.  [default: absolute, if nobody "
+        "says]",
+    )
     pregrasp: bool = setting(
         False, "Before a handoff bring the hand before what is to be picked up, by a planned motion."
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpvi_bt.action_rows import ActionKind, check_rate
 from mpvi_bt.choices.backends import Choice, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.lateness import draws_seed, latency_of
@@ -15,13 +16,17 @@ from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import Policy
+from mpvi_bt.robot.protocol import CONTROL_HZ
 
 if TYPE_CHECKING:
     from mpvi_bt.manipulation.policies.backup import WithBackup
+    from mpvi_bt.manipulation.policies.paced import PacedPolicy
     from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
     from mpvi_bt.remote.dialect_settings import DialectSettings
     from mpvi_bt.remote.observation import Vocabulary
     from mpvi_bt.scene.seen import Standing
+
+_REMOTE = (":openpi", ":vla_eval")  # factories of policies whose rate others say
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,13 @@ def make_policy(given: str, ground: PolicyInputs, settings: str | None = None) -
     return made
 
 
-def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[[Vocabulary], Policy]:
+def for_clients(
+    given: str,
+    seed: int,
+    settings: str | None = None,
+    rate_hz: float | None = None,
+    kind: ActionKind | None = None,
+) -> Callable[[Vocabulary], Policy]:
     """What makes a server's policies, one for each client: of skills, of what a client calls its labels, of no world.
 
     They know demonstrations: a client with the method e2e tells whole instructions, one with a tree prompts.
@@ -102,13 +113,17 @@ def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[
     Args:
         given, settings: As of `make_policy`.
         seed: Of everything random.
+        rate_hz, kind: Of the policy's rows, before what it says itself.
     """
+    from mpvi_bt.manipulation.policies.paced import PacedPolicy
     from mpvi_bt.plan.skills import load_skills
 
     skills, known = load_skills(), demonstrations()
 
     def make(vocabulary: Vocabulary) -> Policy:
-        return make_policy(given, PolicyInputs(skills, vocabulary, seed=seed, demonstrations=known), settings)
+        made = make_policy(given, PolicyInputs(skills, vocabulary, seed=seed, demonstrations=known), settings)
+        told_hz, said_by = _told_rate(made, rate_hz)
+        return PacedPolicy(made, told_hz, kind, said_by, to_hz=None)
 
     return make
 
@@ -122,6 +137,56 @@ def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:
     if config.policy_horizon is not None:
         return RecedingHorizon(policy, config.policy_horizon)
     return policy
+
+
+def paced(policy: Policy, config: EpisodeConfig) -> PacedPolicy:
+    """The policy, with its rows carried out at the rate that the config, a dataset or the policy says.
+
+    Raises:
+        UserError: It names a dataset that says none.
+    """
+    from mpvi_bt.manipulation.policies.paced import PacedPolicy
+
+    rate_hz, said_by = _told_rate(policy, config.policy_rate)
+    return PacedPolicy(policy, rate_hz, config.policy_actions, said_by)
+
+
+def _told_rate(policy: Policy, given: float | None) -> tuple[float | None, str]:
+    """The rate that an option or a policy's dataset says, and who does; None if neither. Raises UserError."""
+    from mpvi_bt.remote.dataset_rate import dataset_rate
+
+    dataset = getattr(policy, "dataset", None)
+    if given is None and dataset is not None and getattr(policy, "rate_hz", None) is None:
+        return dataset_rate(Path(dataset)), f"the dataset {dataset}"
+    return given, "--policy-rate"
+
+
+def rate_doubt(config: EpisodeConfig) -> str:
+    """One line for a person if it is not known how many rows a second the policy's actions are, or ""."""
+    choice = choose("policy", config.policy)
+    each = [one for one in choice.both or [choice] if one.part is not None or one.backend.factory.endswith(_REMOTE)]
+    if not each or config.policy_rate is not None:
+        return ""
+    one = each[0]
+    if one.part is not None:
+        made = one.part.load()
+        if any(getattr(made, name, None) is not None for name in ("rate_hz", "dataset")):
+            return ""
+        told = "unless it tells its `rate_hz`"
+    else:
+        from mpvi_bt.remote.dialect_settings import load_settings
+
+        settings = config.policy_settings or _default_settings(one.name)
+        if load_settings(settings).rate_hz is not None:
+            return ""
+        told = f"unless its server tells a rate, which the settings {settings} do not"
+    return f"policy {one.given} runs at {CONTROL_HZ} Hz {told}; --policy-rate HZ sets the rate of its actions"
+
+
+def _default_settings(policy: str) -> str:
+    from mpvi_bt.remote import openpi, vla_eval
+
+    return {"openpi": openpi.DEFAULT, "vla_eval": vla_eval.DEFAULT}[policy]
 
 
 def disturbed(policy: Policy, config: EpisodeConfig, skills: Mapping[str, Skill], things: Sequence[str]) -> Policy:
@@ -170,6 +235,7 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     from mpvi_bt.plan.skills import load_skills
 
     choice = choose("policy", config.policy)
+    check_pace(choice, config.policy_rate, config.policy_actions)
     for name in choice.only or ():
         if name not in (known := load_skills()):
             raise UnknownName("skill", name, known)
@@ -179,6 +245,23 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     if (addressed and not choice.backend.privileged) or config.policy_settings is not None:
         task = load_task(config.task).problem if config.task else None
         make_policy(config.policy, PolicyInputs({}, task=task, robot=config.robot), config.policy_settings)
+
+
+def check_pace(choice: Choice, rate_hz: float | None, kind: ActionKind | None) -> None:
+    """Raise UserError where a rate or a kind is none, or is told of a policy that has its own."""
+    if rate_hz is not None:
+        try:
+            check_rate(rate_hz)
+        except UserError as error:
+            raise UserError(f"--policy-rate: {error}.") from None
+    for option, given in (("--policy-rate", rate_hz), ("--policy-actions", kind)):
+        if given is not None and choice.both is not None:
+            raise UserError(f"{option} is of one policy; of two, each says it by its settings or its class.")
+        if given is not None and choice.part is None and not choice.backend.factory.endswith(_REMOTE):
+            raise UserError(
+                f"{option} is of policies of your own or behind a server; {choice.name} acts once a control step, "
+                f"{CONTROL_HZ} a second, and its joints are absolute."
+            )
 
 
 def expert(ground: PolicyInputs) -> Policy:

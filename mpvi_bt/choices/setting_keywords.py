@@ -26,6 +26,8 @@ class SuiteKeywords(TypedDict, total=False):
     policy_settings: str | None
     policy_horizon: int | None
     policy_ensemble: float | None
+    policy_rate: float | None
+    policy_actions: Literal["absolute", "delta", "velocity"] | None
     pregrasp: bool
     checker: str
     trigger: str

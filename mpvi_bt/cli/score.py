@@ -31,6 +31,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         *((("plan", made),) if (made := _planned(result)) else ()),
         *_failed(result),
         *_replanned(result),
+        *((("actions", pace),) if (pace := _paced(result)) else ()),
         *((("hands", felt),) if (felt := _felt(result)) else ()),
         *((("checks", asked),) if (asked := _asked(result)) else ()),
         ("wall", _wall(result["wall"])),
@@ -97,6 +98,15 @@ def _felt(result: Mapping[str, Any]) -> str:
 
     grasps = result.get("grasps", {})
     return troubles(result.get("clipped", 0), grasps.get("empty", 0), grasps.get("lost", 0))
+
+
+def _paced(result: Mapping[str, Any]) -> str:
+    """How the policy's rows were carried out, where that is worth a line."""
+    if (pace := result.get("actions")) is None:
+        return ""
+    kind = "" if pace["kind"] == "absolute" else f", {pace['kind']}"
+    who = "nobody says the policy's rate" if pace["said_by"] == "nobody" else f"by {pace['said_by']}"
+    return f"{pace['rate_hz']:g} rows a second{kind}: {who}"
 
 
 def _planned(result: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 EVERY_S = 1.0  # the status line is drawn anew
 EXECUTIVE = "mpvi"  # in the place of a policy
-_OF_POLICIES = ("what", "host", "port", "seed", "idle_s", "policy_settings", "as_json")
+_OF_POLICIES = ("what", "host", "port", "seed", "idle_s", "policy_settings", "policy_rate", "policy_actions", "as_json")
 _HERE = [name for name in METHOD if name not in ("robot", "sim", "assisted")]  # no simulator is here
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 
@@ -103,7 +104,8 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
 
     The POLICY `mpvi` is the whole executive: a client's observations come in, actions go out, and behind the socket
     the tree is ticked once for each. BEHAVIOR's evaluator, another simulator or a robot's driver can be that client:
-    docs/evaluator.md. Options from --protocol to --out are of the executive, but for --policy-settings.
+    docs/evaluator.md. Options from --protocol to --out are of the executive, but for --policy-settings,
+    --policy-rate and --policy-actions.
     """
     if not host:
         raise UserError("--host is empty. 127.0.0.1 is this machine, 0.0.0.0 lets other machines in.")
@@ -117,7 +119,8 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
     if what == EXECUTIVE:
         server = _executive(executive, seed, key, status)
     else:
-        server = _policy(what, executive["policy_settings"], seed, idle_s, key, status)
+        told = [executive[name] for name in ("policy_settings", "policy_rate", "policy_actions")]
+        server = _policy(what, told, seed, idle_s, key, status)
     if not key and host not in ("127.0.0.1", "::1", "localhost"):
         status.say(f"{KEY} is not set: whoever reaches this machine may use it")
     try:
@@ -129,7 +132,7 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
     return 0
 
 
-def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: str, status: Status) -> SocketServer:
+def _policy(policy: str, told: Sequence[Any], seed: int, idle_s: float, key: str, status: Status) -> SocketServer:
     if own := [p.opts[0] for p in given_here() if p.name not in _OF_POLICIES]:
         raise click.UsageError(f"{own[0]} is of the executive: mpvi serve {EXECUTIVE}.")
     if choose("policy", policy).backend.privileged:
@@ -137,10 +140,12 @@ def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: st
             f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
             f"These can: {', '.join(_servable())}."
         )
-    from mpvi_bt.choices.policies import for_clients
+    from mpvi_bt.choices.policies import check_pace, for_clients
     from mpvi_bt.remote.policy_server import PolicyServer
 
-    make = for_clients(policy, seed, settings)
+    settings, rate_hz, kind = told
+    check_pace(choose("policy", policy), rate_hz, kind)
+    make = for_clients(policy, seed, settings, rate_hz, kind)
     make({})  # what cannot be made is told now, not to the first client
     return PolicyServer(policy, make, key, status.say, idle_s)
 

@@ -58,11 +58,12 @@ def _option(name: str) -> Callable[[Any], Any]:
 def _type(name: str) -> click.ParamType[Any]:
     """What reads a setting's value from the command line."""
     known = SETTINGS[name]
-    kind = next(part for part in (get_args(hints()[name]) or (hints()[name],)) if part is not NoneType)
+    hint = hints()[name]
+    kind = hint if get_origin(hint) is Literal else next(p for p in get_args(hint) or (hint,) if p is not NoneType)
     if name in BACKENDS:
         return BackendType(name)
-    if get_origin(hints()[name]) is Literal:
-        return click.Choice(get_args(hints()[name]))
+    if get_origin(kind) is Literal:
+        return click.Choice(get_args(kind))
     if known.folder is not None:
         return Name(known.folder, file=True) if known.folder else File()
     if kind is Path:

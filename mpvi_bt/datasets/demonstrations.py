@@ -22,7 +22,7 @@ from mpvi_bt.recording.demonstration_recorder import VERSION
 from mpvi_bt.remote.prompts import prompt_of
 from mpvi_bt.robot.protocol import ACTION_SIZE
 
-READ = (1, VERSION)
+READ = (1, 2, VERSION)
 CODEC = "h264"
 _TOLERANCE_S = 1e-4  # as LeRobot's loader has it, between a row's time and its picture's
 

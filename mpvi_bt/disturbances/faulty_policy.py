@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.action_chunk import ask
+from mpvi_bt.action_rows import command_of
 from mpvi_bt.disturbances.faults import KINDS
-from mpvi_bt.disturbances.late_policy import targets
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.manipulation.policies.chunks import WrappedPolicy
 from mpvi_bt.plan.clauses import clauses, match
@@ -84,7 +84,7 @@ class FaultyPolicy(WrappedPolicy):
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(H, 23). Raises PolicyError if the policy gives no chunk."""
         if self._before is None:
-            self._before = targets(observation["proprioception"])
+            self._before = command_of(observation["proprioception"])
         prompt = observation["prompt"]
         if "wrong_object" in self._faults:
             if self._said[0] != prompt:

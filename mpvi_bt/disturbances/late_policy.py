@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mpvi_bt.action_chunk import ask
+from mpvi_bt.action_rows import command_of
 from mpvi_bt.disturbances.latency import in_steps
 from mpvi_bt.manipulation.policies.chunks import WrappedPolicy
 from mpvi_bt.protocols import Policy
@@ -95,16 +96,6 @@ class LatePolicy(WrappedPolicy):
     def _still(self, body: Proprioception, before: Array) -> Array:
         """(23,) the command that keeps every joint's target and the base at rest, once `before` is carried out."""
         last = before[-1] if len(before) else self._last
-        held = last.copy() if last is not None else targets(body)
+        held = last.copy() if last is not None else command_of(body)
         held[ActionLayout.BASE] = 0.0
         return held
-
-
-def targets(body: Proprioception) -> Array:
-    """(23,) the joints' targets as the robot tells them; where it does not, where the joints are."""
-    action = np.zeros(ACTION_SIZE)
-    action[ActionLayout.TORSO] = body.torso
-    for side in body.sides:
-        action[ActionLayout.ARM[side]] = body.arm_command.get(side, body.arm[side])
-        action[ActionLayout.GRIPPER[side]] = body.gripper_command[side]
-    return action

@@ -13,7 +13,15 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.choices.navigators import explorer, make_navigator
-from mpvi_bt.choices.policies import PolicyInputs, demonstrations, disturbed, in_chunks, make_policy, with_pregrasp
+from mpvi_bt.choices.policies import (
+    PolicyInputs,
+    demonstrations,
+    disturbed,
+    in_chunks,
+    make_policy,
+    paced,
+    with_pregrasp,
+)
 from mpvi_bt.disturbances.answer_times import TimedPolicy
 from mpvi_bt.episode.prepare import Prepared, arrangement
 from mpvi_bt.executive.replanning import Replanner, things
@@ -88,7 +96,7 @@ def assemble(
     ground = PolicyInputs(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot, standing)
     policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
     timed = TimedPolicy(policy) if config.times is not None else None
-    handed = disturbed(in_chunks(timed or policy, config), config, skills, relevant)
+    handed = disturbed(paced(in_chunks(timed or policy, config), config), config, skills, relevant)
     guided = _guided(config, prepared)
     judged = vocabulary if house is None else {**vocabulary, **floors(house)}
     checker = make_checker(config.checker, world, judged, config.seed, prepared.models)

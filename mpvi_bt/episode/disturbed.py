@@ -6,9 +6,11 @@ from typing import TypeVar
 
 from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.disturbances.late_policy import LatePolicy
-from mpvi_bt.episode.result import Lateness
+from mpvi_bt.episode.result import ActionPace, Lateness
 from mpvi_bt.manipulation.policies.chunks import WrappedPolicy
+from mpvi_bt.manipulation.policies.paced import PacedPolicy
 from mpvi_bt.protocols import Policy
+from mpvi_bt.robot.protocol import CONTROL_HZ
 
 Kind = TypeVar("Kind", bound=WrappedPolicy)
 
@@ -22,6 +24,15 @@ def lateness_of(policy: Policy) -> Lateness | None:
         stale_action_ratio=round(late.stale_action_ratio, 6),
         effective_control_hz=round(late.effective_control_hz, 6),
     )
+
+
+def actions_of(policy: Policy) -> ActionPace | None:
+    """How a policy's rows were carried out; None where it has said that they are absolute and one a control step."""
+    paced = _layer(policy, PacedPolicy)
+    pace = None if paced is None else paced.pace
+    if pace is None or (pace.said_by and pace.rate_hz == CONTROL_HZ and pace.kind == "absolute"):
+        return None
+    return ActionPace(rate_hz=pace.rate_hz, kind=pace.kind, said_by=pace.said_by or "nobody")
 
 
 def faults_of(policy: Policy) -> dict[str, int] | None:

@@ -17,7 +17,7 @@ from mpvi_bt.choices.world_truth import Audit, TrueState
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.disturbances.answer_times import measured_times
 from mpvi_bt.episode.assembly import assemble, floors
-from mpvi_bt.episode.disturbed import faults_of, lateness_of
+from mpvi_bt.episode.disturbed import actions_of, faults_of, lateness_of
 from mpvi_bt.episode.metrics import Meter
 from mpvi_bt.episode.prepare import Prepared, prepare_episode
 from mpvi_bt.episode.queries import count_queries
@@ -152,6 +152,7 @@ def run(
         planning=Planning.of(prepared.planned),
         policies=_shares(policy),
         faults=faults_of(context.policy),
+        actions=actions_of(context.policy),
         lateness=lateness_of(context.policy),
         handoffs=outcome.log.handoffs,
         things={name: [places.get(name, place), place] for name, place in _places(world).items()},

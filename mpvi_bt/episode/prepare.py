@@ -15,7 +15,7 @@ from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.choices.lateness import latency_of
 from mpvi_bt.choices.planning import ground, make_planner
-from mpvi_bt.choices.policies import check_policy_choice
+from mpvi_bt.choices.policies import check_policy_choice, rate_doubt
 from mpvi_bt.choices.simulators import check_simulator_choice
 from mpvi_bt.episode.doers import check_hands
 from mpvi_bt.episode.doers import doubt as doer_doubt
@@ -232,6 +232,7 @@ def doubts(config: EpisodeConfig, prepared: Prepared, dry: bool = False) -> list
         said += [
             make_detector(config.detector, {}, config.seed).note,
             checker_doubt(config),
+            rate_doubt(config),
             doer_doubt(config, prepared.spec, prepared.skills),
         ]
     return [line for line in said if line]

@@ -153,6 +153,20 @@ class PolicyShare(Record):
     steps: Count
 
 
+class ActionPace(Record):
+    """How the policy's rows of actions were carried out.
+
+    Attributes:
+        rate_hz: Rows a second.
+        kind: What joints in them are: "absolute", "delta" or "velocity".
+        said_by: Who says the rate, such as "--policy-rate" or "the server"; "nobody": it is that of control steps.
+    """
+
+    rate_hz: Amount
+    kind: str
+    said_by: str
+
+
 class Lateness(Record):
     """What the policy's latency came to, by vla-eval's names.
 
@@ -185,6 +199,7 @@ class Result(Record):
         planning: Of the language model that made the plan; null if none did.
         policies: By name, of two policies such as "learned+reactive"; absent where one does everything.
         faults: How often each fault that the policy was given came about; absent if it was given none.
+        actions: How the policy's rows were carried out; absent where it says that they are absolute, 30 a second.
         lateness: Of the policy; absent if it was not made late.
         handoffs: That a `monitor` watched, with their signals; absent if there was none.
         config: Everything that can change the outcome.
@@ -220,6 +235,7 @@ class Result(Record):
     planning: Planning | None = None
     policies: Annotated[dict[str, PolicyShare] | None, _IF_ANY] = None
     faults: Annotated[dict[str, Count] | None, _IF_ANY] = None
+    actions: Annotated[ActionPace | None, _IF_ANY] = None
     lateness: Annotated[Lateness | None, _IF_ANY] = None
     handoffs: Annotated[list[dict[str, JsonValue]] | None, _IF_ANY] = None
     config: dict[str, JsonValue]
@@ -277,6 +293,7 @@ def make_result(
     planning: Planning | None = None,
     policies: Mapping[str, PolicyShare] | None = None,
     faults: Mapping[str, int] | None = None,
+    actions: ActionPace | None = None,
     lateness: Lateness | None = None,
     handoffs: Iterable[WatchedHandoff] = (),
     things: Mapping[str, list[list[float]]] | None = None,
@@ -292,7 +309,7 @@ def make_result(
         ended: How the episode ended.
         failures: What failed on the way, in order.
         replans: Requests for a new plan, in order.
-        clipped, grasps, queries, planning, policies, faults, lateness, handoffs: As of `Result`.
+        clipped, grasps, queries, planning, policies, faults, actions, lateness, handoffs: As of `Result`.
         things: As of `Way`.
         wall: Wall-clock figures [s]; may nest.
     """
@@ -330,6 +347,7 @@ def make_result(
         planning=planning,
         policies=dict(policies) if policies else None,
         faults=None if faults is None else dict(faults),
+        actions=actions,
         lateness=lateness,
         handoffs=[asdict(handoff) for handoff in handoffs] or None,
         config=config.record(),

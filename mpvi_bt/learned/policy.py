@@ -22,7 +22,7 @@ from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.protocols import NO_SKILL
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.protocol import EMPTY_M, SIDES, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, EMPTY_M, SIDES, ActionLayout, CameraImage, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
@@ -64,9 +64,11 @@ class LearnedPolicy:
         gave_up: Whether it does no more about its prompt.
         progress: How far along it takes itself to be, 0 to 1; it reads high on an empty grasp, too.
         attempts: Stances that it proposed.
+        rate_hz: An action a control step.
     """
 
     name = "learned"
+    rate_hz = float(CONTROL_HZ)
 
     def __init__(
         self, skills: Mapping[str, Skill], detector: Detector, seed: int = 0, weights: Path = WEIGHTS,

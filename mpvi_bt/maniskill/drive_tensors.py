@@ -11,12 +11,12 @@ import sapien
 import torch
 from mani_skill.utils.structs import Articulation
 
-from mpvi_bt.robot.limits import travel_action
+from mpvi_bt.robot.limits import BASE_ACCELERATION, travel_action
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.cameras import Cameras
-from mpvi_bt.sim.sim_robot import BASE_ACCELERATION, CLOSED_M, SimRobot
+from mpvi_bt.sim.sim_robot import CLOSED_M, SimRobot
 
 _PLACES = {name: i for i, name in enumerate(R1.torso_joints, ActionLayout.TORSO.start) if name is not None} | {
     name: ActionLayout.ARM[side].start + i for side in R1.sides for i, name in enumerate(R1.arm_joints[side])

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.action_rows import Resampler
 from mpvi_bt.behaviors.parameters import NavigateTo, Prompt
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
@@ -26,7 +27,8 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable, write_whole
 
-VERSION = 2  # 1 had neither `arm_velocity` nor `T_base_camera`
+# 1 had neither `arm_velocity` nor `T_base_camera`; in 1 and 2 the action of a row was that of its first control step.
+VERSION = 3
 CAMERAS = ("head", "left", "right")
 NUMBERS = ("state", "base_pose", "arm_velocity", "action")  # arrays of a row's numbers
 FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and openpi's own datasets have 10 to 50
@@ -69,7 +71,8 @@ def felt_again(state: Array, base_pose: Array, arm_velocity: Array, robot: str) 
 class DemonstrationRecorder(Watcher):
     """Subscriber that writes a folder: `frames.npz`, a video of each camera, and `episode.json` once all is there.
 
-    A row holds what is felt and seen before a control step, and the action that the step carries out. Each picture is
+    A row holds what is felt and seen at its beginning, and as its action all that the robot is told until the next row,
+    as `mpvi_bt.action_rows` has it: carried out at the same rate, it gets the robot to where it was. Each picture is
     rendered for it, which steers nothing.
 
     Args:
@@ -82,6 +85,7 @@ class DemonstrationRecorder(Watcher):
     def __init__(self, folder: Path, about: dict[str, Any], fps: int = FPS, cameras: Sequence[str] = CAMERAS) -> None:
         self._folder, self._about, self._fps, self._cameras = folder, about, fps, tuple(cameras)
         self._every = CONTROL_HZ // fps
+        self._actions, self._told = Resampler(), np.empty(0)
         self._rows: dict[str, list[Any]] = {key: [] for key in (*NUMBERS, "subtask")}
         self._rows |= {f"T_base_camera/{camera}": [] for camera in self._cameras}
         self._videos: dict[str, CameraVideo] = {}
@@ -104,7 +108,7 @@ class DemonstrationRecorder(Watcher):
         self.note(world.steps, world.robot, world.robot.action, lambda: subtask(tree))
 
     def note(self, steps: int, robot: Robot, action: Array, at: Callable[[], str]) -> None:
-        """Note a row if one is due.
+        """Note a control step, and begin a row if one is due.
 
         Args:
             steps: Control steps that are over.
@@ -112,13 +116,18 @@ class DemonstrationRecorder(Watcher):
             action: (23,) that the next step carries out.
             at: Says what the robot is at.
         """
-        if steps % self._every:
-            return
+        if steps % self._every == 0:
+            self._begin_row(robot, action, at)
+        if self._rows["state"]:
+            self._tell(action[None])
+
+    def _begin_row(self, robot: Robot, action: Array, at: Callable[[], str]) -> None:
+        if not self._rows["state"]:
+            self._told = action
         felt = robot.proprioception()
         self._rows["state"].append(state(felt))
         self._rows["base_pose"].append(felt.base_pose)
         self._rows["arm_velocity"].append(np.concatenate([felt.arm_velocity.get(s, np.zeros(7)) for s in SIDES]))
-        self._rows["action"].append(action.copy())
         self._rows["subtask"].append(at())
         T_base_world = kin.inverse(kin.base(felt.base_pose))
         for camera in self._cameras:
@@ -128,8 +137,15 @@ class DemonstrationRecorder(Watcher):
                 self._videos[camera] = CameraVideo(self._folder / f"{camera}.mp4", image.rgb.shape, self._fps)
             self._videos[camera].add(image.rgb)
 
+    def _tell(self, actions: Array, whole: bool = True) -> None:
+        """Take in what control steps carry out, and write the actions of rows that are over."""
+        for row in self._actions.resampled(actions, CONTROL_HZ, self._fps, self._told, whole):
+            self._rows["action"].append(row)
+            self._told = row
+
     def end(self, outcome: Outcome) -> None:
-        """Close the videos, however the episode ended."""
+        """Close the last row and the videos, however the episode ended."""
+        self._tell(np.empty((0, ACTION_SIZE)), whole=False)
         for video in self._videos.values():
             video.close()
         self._finished = outcome.ending not in ("error", "backend_error", "interrupted")

@@ -6,15 +6,18 @@ The files are `policies/*.yaml`; docs/policies.md explains every key.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from mpvi_bt import paths
-from mpvi_bt.errors import shown
+from mpvi_bt.action_rows import LEAST_HZ, MOST_HZ, ActionKind
+from mpvi_bt.errors import FileProblems, UserError, shown
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.remote.behavior_layout import SIZE, BaseVelocity, Dialect
+from mpvi_bt.remote.dataset_rate import dataset_rate
 from mpvi_bt.remote.prompts import check_prompts
 from mpvi_bt.robot.protocol import ACTION_SIZE
 
@@ -36,6 +39,7 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e6, le=1e
 Whole = Annotated[int, Field(strict=True, ge=-(2**63), lt=2**63)]
 Truth = Annotated[bool, Field(strict=True)]
 Pixels = Annotated[int, Field(strict=True, ge=1, le=2048)]
+Rate = Annotated[float, Field(strict=True, ge=LEAST_HZ, le=MOST_HZ, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(strict=True, gt=0, le=3600, allow_inf_nan=False)]
 
 
@@ -282,6 +286,9 @@ class DialectSettings(Record):
         about: One line for a person.
         observation: None: the whole observation, as `mpvi serve` takes it.
         action: How the answer is read.
+        rate_hz: Rows a second; None: the server says, or nobody does.
+        dataset: Folder of a dataset of LeRobot's that says it, where `rate_hz` does not.
+        actions: What the joints in a row are; None: the server says, or they are absolute.
         reset_message: Whether {"reset": True}, which gets no answer, is sent at a handoff (BEHAVIOR's servers want it;
             openpi's break on it).
         request_chunk: How many actions to ask for with BEHAVIOR's `__action_chunk_size__`; None: it is not sent.
@@ -294,12 +301,20 @@ class DialectSettings(Record):
     about: Annotated[str, Field(min_length=1, max_length=200)] = "a remote policy"
     observation: Observation | None = None
     action: Action = Action()
+    rate_hz: Rate | None = None
+    dataset: Annotated[str, Field(min_length=1, max_length=4096)] | None = None
+    actions: ActionKind | None = None
     reset_message: Truth = False
     request_chunk: Annotated[int, Field(strict=True, ge=2, le=1000)] | None = None
     connect_s: Seconds = 30.0
     answer_s: Seconds = 120.0
     tries: Annotated[int, Field(strict=True, ge=0, le=100)] = 3
     max_mb: Annotated[int, Field(strict=True, ge=1, le=64)] = 16
+
+    @property
+    def rate_from(self) -> str:
+        """Who says the rate, for a person."""
+        return "the settings" if self.dataset is None else f"the dataset {self.dataset}"
 
     @property
     def cameras(self) -> tuple[CameraName, ...]:
@@ -317,10 +332,24 @@ def load_settings(given: str) -> DialectSettings:
     return check_settings(*load_marked(paths.find_or_file("policies", given, "settings of a policy")))
 
 
+def _with_rate(settings: DialectSettings, marks: Marks) -> DialectSettings:
+    """The settings with their dataset's rate. A relative folder is looked for from theirs on. Raises FileProblems."""
+    if settings.dataset is None:
+        return settings
+    try:
+        rate_hz = dataset_rate(Path(marks.file).parent / settings.dataset)
+    except UserError as error:
+        raise FileProblems([marks.problem(("dataset",), "invalid-value", str(error))]) from None
+    if settings.rate_hz not in (None, rate_hz):
+        said = f"{rate_hz:g} rows a second, and 'rate_hz' says {settings.rate_hz:g}: leave one of the two out"
+        raise FileProblems([marks.problem(("dataset",), "invalid-value", f"{settings.dataset}: {said}")])
+    return settings.model_copy(update={"rate_hz": rate_hz})
+
+
 def check_settings(data: Any, marks: Marks) -> DialectSettings:
     """As `load_settings`, of data that is already loaded. A file of prompts is looked for from their folder on."""
     expect("policy", data, marks)
-    settings = validate_data(data, marks, DialectSettings)
+    settings = _with_rate(validate_data(data, marks, DialectSettings), marks)
     if settings.observation is None or settings.observation.prompts is None:
         return settings
     file = check_prompts(settings.observation.prompts, marks, ("observation", "prompts"))

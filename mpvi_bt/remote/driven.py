@@ -20,7 +20,7 @@ import numpy as np
 from mpvi_bt.errors import BadMessage, MpviError, UserError, shown
 from mpvi_bt.remote.codec import unpack
 from mpvi_bt.remote.connection import one_line
-from mpvi_bt.remote.reading import RESET, Dialect, Reading, chunk_of
+from mpvi_bt.remote.reading import RESET, Dialect, Reading
 from mpvi_bt.remote.remote_world import RemoteWorld
 from mpvi_bt.remote.server import Given, Promise, Refused
 from mpvi_bt.robot.model import RobotModel
@@ -133,7 +133,7 @@ class DrivenSession:
         action = world.robot.action
         action[ActionLayout.BASE] = 0.0
         try:
-            count = chunk_of(self._asked)
+            count = self._read().steps
         except BadMessage:
             count = 1
         self._reply({**self._dialect.answer(np.tile(action, (count, 1)), self._asked), "ended": why})

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.errors import BadMessage, UnknownName, shown
+from mpvi_bt.action_rows import check_rate
+from mpvi_bt.errors import BadMessage, UnknownName, UserError, shown
 from mpvi_bt.plan.schema import MOST_OF_PROMPT
 from mpvi_bt.remote.dialect_settings import CAMERAS
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
@@ -34,11 +35,13 @@ class PolicyQuestion:
         observation: As `Policy.infer` takes it.
         reset: Whether the policy is to begin anew with it.
         vocabulary: What the labels of pictures are called, from now on; None: as before.
+        rate_hz: Rows a second that the answer is to have; None: as the policy has them.
     """
 
     observation: dict[str, Any]
     reset: bool
     vocabulary: Vocabulary | None
+    rate_hz: float | None = None
 
 
 def write_observation(
@@ -83,7 +86,7 @@ def read_observation(message: Any) -> PolicyQuestion:
         BadMessage: Something is missing, not known, or of the wrong kind, shape or dtype; says where, and what would
             be right.
     """
-    top = _mapping(message, "", ("prompt", "proprioception"), ("images", "reset", "vocabulary"))
+    top = _mapping(message, "", ("prompt", "proprioception"), ("images", "reset", "vocabulary", "rate_hz"))
     if not isinstance(prompt := top["prompt"], str):
         raise _wrong("prompt", prompt, "a text")
     if len(prompt) > MOST_OF_PROMPT:
@@ -96,7 +99,15 @@ def read_observation(message: Any) -> PolicyQuestion:
         "proprioception": _read_body(top["proprioception"]),
         "images": {camera: _read_image(camera, image) for camera, image in images.items()},
     }
-    return PolicyQuestion(observation, reset, read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None)
+    vocabulary = read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None
+    return PolicyQuestion(observation, reset, vocabulary, _read_rate(top["rate_hz"]) if "rate_hz" in top else None)
+
+
+def _read_rate(given: Any) -> float:
+    try:
+        return check_rate(given)
+    except UserError as error:
+        raise BadMessage(f"rate_hz: {error}") from None
 
 
 def read_vocabulary(given: Any) -> Vocabulary:

@@ -14,17 +14,21 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from mpvi_bt.action_rows import KINDS, ActionKind, check_rate, command_of
 from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.remote.codec import pack
 from mpvi_bt.remote.connection import KEY, Connection, Lost, one_line
 from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.remote.observation import Vocabulary, write_observation
-from mpvi_bt.remote.wire_mapping import actions_of, message_of, still
+from mpvi_bt.remote.wire_mapping import actions_of, message_of
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 
 PORT = 8000
 DEFAULT = "mpvi"  # settings
+# What metadata call the rate: our own name, LeRobot's, vla-eval's (of its evaluator), robosuite's and openpi's (of its
+# client). No published server of theirs sends one by itself; openpi's sends what its config has as `policy_metadata`.
+RATE_NAMES = ("rate_hz", "fps", "hz", "control_frequency", "control_freq", "max_hz")
 _PAUSE_S = 0.25  # before a lost connection is made anew
 Result = TypeVar("Result")
 
@@ -89,6 +93,9 @@ class OpenpiPolicy:
         gave_up: Whether it says that it will do no more about the prompt.
         ended: Whether it says that it thinks the prompt done, or has given up.
         progress: How far along it takes itself to be, 0 to 1; None if it does not say, or says what no progress is.
+        rate_hz: Rows a second, as the settings or else the server says; None: neither does.
+        rate_from: Who says it.
+        actions: What the joints in a row are, likewise.
         connections: How many have been made.
     """
 
@@ -103,6 +110,9 @@ class OpenpiPolicy:
         self.name = f"{self.kind}:{self._url}"
         self.cameras: tuple[str, ...] = self._settings.cameras
         self._unheard()
+        self.rate_hz: float | None = self._settings.rate_hz
+        self.rate_from = self._settings.rate_from
+        self.actions: ActionKind = self._settings.actions or "absolute"
         self.connections = 0
         self._connection: Connection | None = None
         self._fresh = True
@@ -160,7 +170,14 @@ class OpenpiPolicy:
             self.connections += 1
             self.cameras = self._settings.cameras
             self._hear(self._connection.metadata)
+            self._hear_rate(self.about())
         return self._connection
+
+    def about(self) -> Mapping[str, Any]:
+        """What the server says of itself."""
+        assert self._connection is not None
+        about: Mapping[str, Any] = self._connection.metadata  # `_hear` has seen that it is one
+        return about
 
     def hello(self) -> bytes:
         """What a new server is told first; openpi's speak first."""
@@ -176,7 +193,7 @@ class OpenpiPolicy:
         self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
     ) -> Array:
         if set(self.cameras) - set(observation["images"]):
-            return still(observation["proprioception"])[None]
+            return command_of(observation["proprioception"])[None]
         action = self._settings.action
         message = question(observation, self._settings, self._fresh, self._vocabulary)
         asked = self._settings.request_chunk
@@ -197,6 +214,25 @@ class OpenpiPolicy:
         self._hear(reply)
         self._fresh = False
         return actions
+
+    def _hear_rate(self, about: Mapping[str, Any]) -> None:
+        """Take in what a server says of its rows. Raises PolicyError: that is no rate, or no kind."""
+        name = next((name for name in RATE_NAMES if name in about), None)
+        if name is not None:
+            try:
+                rate_hz = check_rate(about[name])
+            except UserError as error:
+                raise PolicyError("bad_reply", f"{name} in the metadata: {error}") from None
+            own = self._settings.rate_hz
+            if own is None:
+                self.rate_hz, self.rate_from = rate_hz, "the server"
+            elif own != rate_hz:
+                self.rate_from = f"{self._settings.rate_from}; the server says {rate_hz:g}"
+        kind = about.get("actions")
+        if self._settings.actions is None and kind is not None:
+            if kind not in KINDS:
+                raise PolicyError("bad_reply", f"actions in the metadata: {shown(kind)}; known: {', '.join(KINDS)}")
+            self.actions = kind
 
     def _unheard(self) -> None:
         self.note, self.gave_up, self.ended = "", False, False

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.action_rows import Resampler
 from mpvi_bt.errors import BadMessage, shown
 from mpvi_bt.remote.observation import read_observation, write_observation
 from mpvi_bt.remote.reading import CHUNK, Reading, chunk_of, spoken
 from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.protocol import ACTION_SIZE
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
 from mpvi_bt.robot.solids import Array
 
+RATE = "rate_hz"  # of the client, if it does not want an action for each control step
 COMMAND = "command"  # a key of ours: the targets that the robot has
 
 
@@ -36,16 +38,27 @@ class OwnKeys:
             command=_command(message[COMMAND]) if COMMAND in message else None,
             instruction=seen["prompt"],
             vocabulary=question.vocabulary,
-            steps=chunk_of(message),
+            steps=chunk_of(message) * _ticks(question.rate_hz),
         )
 
     def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """`actions`, (K, 23)."""
+        """`actions`, (K, 23); one for each row of a client that has a rate of its own."""
+        rate_hz = asked.get(RATE, CONTROL_HZ)
+        if rate_hz != CONTROL_HZ:
+            actions = Resampler().resampled(actions, CONTROL_HZ, rate_hz, actions[0], whole=False)
         return {"actions": actions}
 
     def write(self, observation: Mapping[str, Any], command: Array, vocabulary: Any = None) -> dict[str, Any]:
         """The message of an observation: the inverse of `read`."""
         return {**write_observation(observation, vocabulary=vocabulary), COMMAND: command}
+
+
+def _ticks(rate_hz: float | None) -> int:
+    """Control steps in a row of a client's. Raises BadMessage."""
+    ticks = 1.0 if rate_hz is None else CONTROL_HZ / rate_hz
+    if not ticks.is_integer():
+        raise BadMessage(f"{RATE}: {rate_hz:g} is given; a rate that divides {CONTROL_HZ}, such as 10 or 15, is wanted")
+    return int(ticks)
 
 
 def _command(given: Any) -> Array:

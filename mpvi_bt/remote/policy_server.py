@@ -28,7 +28,8 @@ class PolicyServer(SocketServer):
 
     Args:
         name: Of the policy, for the metadata.
-        make: Makes one, with what labels of pictures are called; for each client, in the client's thread, and anew when
+        make: Makes one, with what labels of pictures are called, whose rows come at the `rate_hz` of an observation
+            that says one; for each client, in the client's thread, and anew when
             the client says what its labels are called.
         api_key, say, idle_s: As of `SocketServer`.
     """
@@ -105,7 +106,9 @@ class Session:
         self._close()
         self._policy = self._make(self._vocabulary)
         self._policy.reset()
-        return {"cameras": list(self._policy.cameras)}
+        rate_hz = getattr(self._policy, "rate_hz", None)
+        rate = {} if rate_hz is None else {"rate_hz": float(rate_hz)}
+        return {"cameras": list(self._policy.cameras), **rate, "actions": getattr(self._policy, "actions", "absolute")}
 
     def _answer(self, given: Given) -> tuple[dict[str, Any], float]:
         try:
@@ -145,4 +148,5 @@ class Session:
         for camera in self._policy.cameras:
             if camera not in question.observation["images"]:
                 raise Unseen("bad_message", f"images: {camera} is missing, which the last `cameras` asked for")
-        return self._policy, question.observation
+        rate = {} if question.rate_hz is None else {"rate_hz": question.rate_hz}
+        return self._policy, question.observation | rate

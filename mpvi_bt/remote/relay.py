@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.action_rows import ActionKind, command_of
 from mpvi_bt.remote.connection import one_line
 from mpvi_bt.remote.dialect_settings import DialectSettings
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import cameras_of, question
-from mpvi_bt.remote.wire_mapping import actions_of, still
+from mpvi_bt.remote.wire_mapping import actions_of
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -40,12 +41,15 @@ class Relay:
         cameras: Those that are wanted first, or that the last reply said it wants.
         note: What the last reply said that the server is doing; one line.
         gave_up: Whether it said that it will do no more about the prompt.
+        rate_hz, rate_from, actions: As the settings say.
         seen: (H, W, 3) uint8, the head's picture of the last question; None if it had none.
     """
 
     def __init__(self, name: str, settings: DialectSettings, first: Sequence[str] | None = None) -> None:
         self.name, self._settings = name, settings
         self._first = {"cameras": None if first is None else list(first)}
+        self.rate_hz, self.rate_from = settings.rate_hz, settings.rate_from
+        self.actions: ActionKind = settings.actions or "absolute"
         self.vocabulary: Vocabulary = {}
         self.seen: NDArray[np.uint8] | None = None
         self._questions: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
@@ -103,7 +107,7 @@ class Relay:
     def hold(self) -> None:
         """Answer the last question without a reply, for a step: the base stands, joints go on to their last targets."""
         assert self._felt is not None
-        action = (still(self._felt) if self._last is None else self._last).copy()
+        action = (command_of(self._felt) if self._last is None else self._last).copy()
         action[ActionLayout.BASE] = 0.0
         self._answers.put(action[None])
 

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt import __version__
+from mpvi_bt.action_rows import command_of
 from mpvi_bt.errors import BadMessage, PolicyError, shown
 from mpvi_bt.remote.codec import array_of, pack
 from mpvi_bt.remote.connection import Connection, one_line
 from mpvi_bt.remote.dialect_settings import DialectSettings
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import OpenpiPolicy, cameras_of, question
-from mpvi_bt.remote.wire_mapping import actions_of, still
+from mpvi_bt.remote.wire_mapping import actions_of
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -49,6 +50,10 @@ class VlaEvalPolicy(OpenpiPolicy):
         self._number = 0
         self._first = self.cameras
         self._episode: Connection | None = None  # the one on which an episode has been started
+
+    def about(self) -> Mapping[str, Any]:
+        """What the server says of itself, in its answer to hello."""
+        return _read(super().about())[1]
 
     def hello(self) -> bytes:
         """The first message, which the server waits for."""
@@ -88,7 +93,7 @@ class VlaEvalPolicy(OpenpiPolicy):
         self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
     ) -> Array:
         if set(self.cameras) - set(observation["images"]):
-            return still(observation["proprioception"])[None]
+            return command_of(observation["proprioception"])[None]
         if self._fresh or self._episode is not connection:
             if self._episode is connection:
                 connection.send(self._message("episode_end", {}), deadline)

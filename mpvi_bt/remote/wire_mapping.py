@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.action_rows import command_of
 from mpvi_bt.errors import PolicyError, shown
 from mpvi_bt.remote.behavior_layout import action_from, camera_poses, encoded
 from mpvi_bt.remote.dialect_settings import Action, Felt, Image, Observation, PartPlace, Vector
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception, Side
 from mpvi_bt.robot.retargeting import from_r1pro
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -188,7 +189,7 @@ def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioce
         return from_r1pro(action_from(theirs), felt or held)
     if not layout.parts:
         return theirs
-    ours = np.tile(still(held), (len(theirs), 1))
+    ours = np.tile(command_of(held), (len(theirs), 1))
     for piece in layout.parts:
         ours[:, _OURS[piece.part]] = _converted(theirs, piece)
     if not np.isfinite(ours).all():
@@ -224,13 +225,3 @@ def _checked(given: Any, layout: Action) -> Array:
 def _converted(theirs: Array, piece: PartPlace) -> Array:
     with np.errstate(over="ignore"):
         return theirs[:, list(piece.indices)] * np.array(piece.scale) + np.array(piece.offset)
-
-
-def still(held: Proprioception) -> Array:
-    """(23,) the action that holds the robot: arms where they were told to be, where that is known."""
-    action = np.zeros(ACTION_SIZE)
-    action[ActionLayout.TORSO] = held.torso
-    for side in held.sides:
-        action[ActionLayout.ARM[side]] = held.arm_command.get(side, held.arm[side])
-        action[ActionLayout.GRIPPER[side]] = held.gripper_command[side]
-    return action

@@ -14,6 +14,7 @@ from mpvi_bt.robot.solids import Array
 # Our choice: targets may run ahead of the joints, as those of learned policies do, so that a step may be three times
 # what a joint does at its top speed; the base ramps its speed up by itself, and a gripper may be told to shut at once.
 _AHEAD = 3.0
+BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
 
 
 @cache

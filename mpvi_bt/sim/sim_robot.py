@@ -11,7 +11,7 @@ import numpy as np
 import sapien
 
 from mpvi_bt.robot.fetch_urdf import fetch_urdf
-from mpvi_bt.robot.limits import commanded, travel_action
+from mpvi_bt.robot.limits import BASE_ACCELERATION, commanded, travel_action
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
@@ -23,7 +23,6 @@ from mpvi_bt.sim.cameras import Cameras
 
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
-BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
 _URDF: Mapping[str, Callable[[], str]] = {"r1": r1_urdf, "fetch": fetch_urdf, "r1pro": r1pro_urdf}
 
 

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from mpvi_bt.action_chunk import ask
+from mpvi_bt.action_rows import ActionKind
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import NO_SKILL, Policy
@@ -48,6 +49,21 @@ class WithBackup:
     def cameras(self) -> tuple[str, ...]:
         """Of the one at work."""
         return self._at.cameras
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Of the one at work; None if it does not say."""
+        return getattr(self._at, "rate_hz", None)
+
+    @property
+    def rate_from(self) -> str:
+        """Of the one at work."""
+        return getattr(self._at, "rate_from", "")
+
+    @property
+    def actions(self) -> ActionKind:
+        """Of the one at work."""
+        return getattr(self._at, "actions", "absolute")
 
     @property
     def note(self) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.action_chunk import ask
+from mpvi_bt.action_rows import ActionKind
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.linear_algebra import matmul
@@ -62,6 +63,21 @@ class WrappedPolicy:
         return getattr(self._policy, "progress", None)
 
     @property
+    def rate_hz(self) -> float | None:
+        """Rows a second, as the policy says; None if it does not."""
+        return getattr(self._policy, "rate_hz", None)
+
+    @property
+    def rate_from(self) -> str:
+        """Who says so; "" for the policy itself."""
+        return getattr(self._policy, "rate_from", "")
+
+    @property
+    def actions(self) -> ActionKind:
+        """What the joints in its rows are."""
+        return getattr(self._policy, "actions", "absolute")
+
+    @property
     def disagreement(self) -> float:
         """Of the newest chunk with what was foreseen for its steps before [rad]; 0 if chunks do not overlap."""
         return getattr(self._policy, "disagreement", 0.0)
@@ -69,6 +85,10 @@ class WrappedPolicy:
     def reset(self) -> None:
         """Forget everything."""
         self._policy.reset()
+
+    def close(self) -> None:
+        """Close the policy, if it can be."""
+        getattr(self._policy, "close", lambda: None)()
 
     def save(self) -> dict[str, Any]:
         """What it has counted in the episode so far, as JSON values: a resumed run goes on from there."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mpvi_bt.action_rows import ActionKind
 from mpvi_bt.manipulation.policies.backup import WithBackup
 from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
 from mpvi_bt.robot.solids import Array
@@ -48,6 +49,21 @@ class DemonstratedPolicy:
     def planning_s(self) -> float:
         """The other policy's."""
         return self._inner.planning_s
+
+    @property
+    def rate_hz(self) -> float | None:
+        """The other policy's; None if it does not say."""
+        return getattr(self._inner, "rate_hz", None)
+
+    @property
+    def rate_from(self) -> str:
+        """The other policy's."""
+        return getattr(self._inner, "rate_from", "")
+
+    @property
+    def actions(self) -> ActionKind:
+        """The other policy's."""
+        return getattr(self._inner, "actions", "absolute")
 
     @property
     def note(self) -> str:

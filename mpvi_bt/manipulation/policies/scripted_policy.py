@@ -78,9 +78,11 @@ class ScriptedPolicy:
         gave_up: Whether it will do no more about its prompt: it can't, or it has shown in every way that it is done.
         attempts: Tries of skills so far.
         planning_s: Wall time spent on planning and seeing, measured by `timer`.
+        rate_hz: An action a control step.
     """
 
     name = "scripted"
+    rate_hz = float(CONTROL_HZ)
 
     def __init__(
         self, scene: Scene, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None
