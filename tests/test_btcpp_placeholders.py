@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors import registry
-from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp.export import to_xml
 from mpvi_bt.btcpp.importing import from_xml
 from mpvi_bt.cli.convert import convert
 from mpvi_bt.errors import FileProblems, UserError
+from mpvi_bt.tree.yaml_io import dump_tree, load_tree
 from tests.test_btcpp import main_tree
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
@@ -39,6 +37,7 @@ XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
 </TreeNodesModel></root>"""
 MAIN = """
 tree: Main
+nodes: [own_nodes.py]
 blackboard:
   found: found
   n: 0
@@ -62,24 +61,14 @@ root:
 """
 
 
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    """Kinds that a test adds are gone after it."""
-    yield
-    registry.ADDED.clear()
-    node_types.cache_clear()
-
-
 def mpvi(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
-    """The command in a process of its own, which finds the modules of a folder."""
-    where = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")]), *sys.path])
+    """The command in a process of its own."""
+    return run("from mpvi_bt.cli import main; main()", *map(str, words), folder=folder)
+
+
+def run(code: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "mpvi_bt.cli", *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": where},
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=False, cwd=folder, timeout=60
     )
 
 
@@ -93,18 +82,9 @@ def converted(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def installed(folder: Path) -> None:
-    """Make the nodes of a folder's module known by an entry point."""
-    info = folder / "own-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Name: own\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[mpvi_bt.behaviors]\nown = own_nodes:NODES\n")
-
-
 def test_what_is_converted_can_be_checked_and_run_dry(converted: Path) -> None:
     """With the module beside it, in another process; what each node does is still to be written."""
     assert (converted / "own.yaml").read_text() == MAIN.lstrip()
-    installed(converted)
     checked = mpvi("check", "own.yaml", folder=converted)
     assert checked.returncode == 0, checked.stdout + checked.stderr
     ran = mpvi("run", "--dry", "--tree", "own.yaml", folder=converted)
@@ -120,15 +100,7 @@ def test_a_stand_in_fails_until_it_is_written(converted: Path) -> None:
         "print(tree.tick().name)\n"
         "[print(n.failure.reason, n.failure.evidence) for n in tree.nodes.values() if n.failure]"
     )
-    installed(converted)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=converted,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(converted), *sys.path])},
-    )
+    done = run(code, folder=converted)
     assert done.stdout.startswith("FAILURE")
     assert "not_written write DetectObjectNode.update in own_nodes.py" in done.stdout
 
@@ -180,7 +152,7 @@ def test_an_output_is_a_key() -> None:
     imported = from_xml(XML, "own.xml", placeholders="own_nodes")
     told = [(p.line, p.column) for p in imported.warnings if p.code == "btcpp-output"]
     assert told == [(3, 43)]
-    assert node_types()["detect_object"].writes == ("object",)
+    assert imported.main.root.children[0].type.writes == ("object",)
     for text in ("three", "{Three}"):
         with pytest.raises(FileProblems) as caught:
             from_xml(XML.replace('total="{n}"', f'total="{text}"'), "own.xml", placeholders="own_nodes")
@@ -195,15 +167,12 @@ def test_a_default_that_means_nothing_is_refused() -> None:
 
 
 def test_placeholders_survive_the_way_there_and_back() -> None:
-    """As custom nodes, with their ports."""
+    """As custom nodes, with their names and ports."""
     main = from_xml(XML, placeholders="own_nodes").main
     xml = to_xml(main).xml
     assert '<Action ID="DetectObject">' in xml
-    back = from_xml(xml).main
-    assert [(n.depth, n.spec.kind) for n in back.nodes] == [(n.depth, n.spec.kind) for n in main.nodes]
-    assert [n.spec.parameters for n in back.nodes if n.spec.kind != "subtree"] == [
-        n.spec.parameters for n in main.nodes if n.spec.kind != "subtree"
-    ]
+    back = from_xml(xml, placeholders="own_nodes").main
+    assert [(n.path, n.spec.kind) for n in back.nodes] == [(n.path, n.spec.kind) for n in main.nodes]
 
 
 _words = st.from_regex("[A-Za-z][A-Za-z0-9_-]{0,6}", fullmatch=True) | st.sampled_from(
@@ -229,14 +198,17 @@ _values = st.sampled_from(["{a}", "{b}", "{=}", "3", "0.5", "true", "a $b", "", 
 
 
 @given(st.lists(st.tuples(_words, st.dictionaries(_words, _values, max_size=3)), min_size=1, max_size=4))
-def test_whatever_a_leaf_is_called_it_is_read_or_refused(nodes: list[tuple[str, dict[str, str]]]) -> None:
+def test_whatever_a_leaf_is_called_it_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, nodes: list[tuple[str, dict[str, str]]]
+) -> None:
     """No name breaks the module, and no value is lost: the tree is the one that its YAML says."""
-    from xml.sax.saxutils import quoteattr
-
-    from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
-
     made = (f"<{tag} {' '.join(f'{k}={quoteattr(v)}' for k, v in ports.items())}/>" for tag, ports in nodes)
     with contextlib.suppress(FileProblems):
-        main = from_xml(main_tree(f"<Sequence>{''.join(made)}</Sequence>"), "t.xml", placeholders="own_nodes").main
-        assert parse_tree(dump_tree(main)) == main
+        imported = from_xml(main_tree(f"<Sequence>{''.join(made)}</Sequence>"), "t.xml", placeholders="own_nodes")
+        main = imported.main
         assert len(main.root.children) == len(nodes)
+        if main.own_nodes:
+            folder = tmp_path_factory.mktemp("trees")
+            (folder / "own_nodes.py").write_text(imported.module)
+            (folder / "t.yaml").write_text(dump_tree(main))
+            assert load_tree(folder / "t.yaml") == main

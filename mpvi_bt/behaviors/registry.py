@@ -355,9 +355,6 @@ _OWN = (
 )
 
 
-ADDED: dict[str, NodeType] = {}  # kinds that `add_node_types` made known
-
-
 @functools.cache
 def node_types() -> Mapping[str, NodeType]:
     """Every kind of node by name: ours, then those of installed packages.
@@ -375,20 +372,7 @@ def node_types() -> Mapping[str, NodeType]:
             message = f"entry point {point.name!r} of {ENTRY_POINTS}{whose}: {type(error).__name__}: {error}"
             raise UserError(message) from error
         _add(table, added, f"entry point {point.name!r} ({point.value})")
-    return MappingProxyType(table | ADDED)
-
-
-def add_node_types(added: Iterable[NodeType], whose: str) -> None:
-    """Make more kinds known, in the place of those of that name that were added before.
-
-    Raises:
-        UserError: One of them is a kind of ours, or of a package.
-    """
-    known = {kind: node for kind, node in node_types().items() if kind not in ADDED}
-    table = dict(known)
-    _add(table, added, whose)
-    ADDED.update({kind: node for kind, node in table.items() if kind not in known})
-    node_types.cache_clear()
+    return MappingProxyType(table)
 
 
 def _add(table: dict[str, NodeType], added: Iterable[object], whose: str) -> None:

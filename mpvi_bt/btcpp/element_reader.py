@@ -12,7 +12,7 @@ from mpvi_bt.behaviors.parameters import Comparison, Value
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import equivalents, mapping, nav2
 from mpvi_bt.btcpp.condition_script import Condition, read_condition
-from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, place_of, tag_of
+from mpvi_bt.btcpp.file import EXPLICIT, XmlFile, below, place_of, tag_of
 from mpvi_bt.btcpp.marked_xml import Element
 from mpvi_bt.btcpp.placeholders import is_foreign
 from mpvi_bt.btcpp.script import escaped, read_assignments
@@ -56,10 +56,12 @@ class ElementReader:
         data["root"] = self._node(root, ("root",))
         told_places = {(p.line, p.column) for p in self.file.problems}
         try:
-            return read(data, self.marks, TreeReading(expanded=True), {})
+            tree = read(data, self.marks, TreeReading(expanded=True, own=dict(self.file.own)), {})
         except FileProblems as error:
             self.file.problems += [p for p in error.problems if (p.line, p.column) not in told_places]
             return None
+        has_own = any(tag_of(element) in self.file.placeholders for element in below(behavior))
+        return replace(tree, own_nodes=(f"{self.file.module}.py",)) if has_own else tree
 
     def _first_values(self, element: Element) -> dict[str, Any] | None:
         """Keys that exist from the start, if an element is the Sequence that our export sets them in."""
@@ -265,7 +267,7 @@ class ElementReader:
             kind, given: Its kind and parameters.
             ports: The attributes that hold them, where they are named otherwise.
         """
-        node_type = node_types()[kind]
+        node_type = self.file.own.get(kind) or node_types()[kind]
         filled = {given.get(key) for key in (*node_type.reads, *node_type.writes)}
         for key in filled & self.calls.parameters(self.within[-1]).keys():
             message = (

@@ -9,6 +9,7 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.behaviors.parameters import Value
+from mpvi_bt.behaviors.registry import NodeType
 from mpvi_bt.btcpp.marked_xml import Element
 from mpvi_bt.errors import Problem, UnknownName, shown
 
@@ -44,6 +45,8 @@ class XmlFile:
         count: Nodes of all trees so far, subtrees written out below their calls.
         needs: Of those trees that have any.
         placeholders: Stand-ins for leaves that nobody knows here, by their IDs.
+        own: Their types, by kind.
+        module: Name of the module that they are in.
     """
 
     name: str
@@ -53,6 +56,8 @@ class XmlFile:
     count: int = 0
     needs: dict[str, Needs] = field(default_factory=dict)
     placeholders: Mapping[str, Placeholder] = field(default_factory=dict)
+    own: Mapping[str, NodeType] = field(default_factory=dict)
+    module: str = ""
     _words: set[str] = field(default_factory=set)
     _calls: dict[str, dict[str, None]] = field(default_factory=dict)
 

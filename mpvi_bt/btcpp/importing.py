@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mpvi_bt.behaviors.registry import add_node_types
 from mpvi_bt.btcpp import equivalents, nav2
 from mpvi_bt.btcpp.element_reader import ElementReader
 from mpvi_bt.btcpp.file import XmlFile
@@ -49,8 +48,8 @@ def from_xml(
         text: Of the file.
         name: Stands for the file in problems.
         main_tree: ID of the tree to run; None: what the file says, or the only one that no other calls.
-        placeholders: Name of a module for leaves that nobody knows here: they become kinds of it, which are known from
-            then on. None: they are problems.
+        placeholders: Name of a module, for a file beside the trees, whose nodes leaves become that nobody knows here;
+            None: they are problems.
 
     Raises:
         UnknownName: There is no tree `main_tree`.
@@ -68,8 +67,7 @@ def from_xml(
     module = ""
     if placeholders is not None and (found := placeholders_of(file, models)):
         module = module_text(found.values(), Path(name).name, placeholders)
-        add_node_types(node_types_of(module, placeholders), placeholders)
-        file.placeholders = found
+        file.placeholders, file.own, file.module = found, node_types_of(module, placeholders), placeholders
     calls = Calls(file)
     specs = {
         own: spec for own in file.trees if (spec := ElementReader(file, calls, own).read(main=own == main)) is not None

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.behaviors.registry import ADDED, NodeType, node_types
+from mpvi_bt.behaviors.registry import NodeType, node_types
 from mpvi_bt.btcpp import mapping
 from mpvi_bt.btcpp.file import Needs, XmlFile, below, tag_of
 from mpvi_bt.btcpp.format import is_port
@@ -85,7 +85,7 @@ def placeholders_of(file: XmlFile, models: Models) -> dict[str, Placeholder]:
                 uses.setdefault(tag_of(element), []).append((name, element))
     found: dict[str, Placeholder] = {}
     for tag, nodes in uses.items():
-        taken = (node_types().keys() - ADDED.keys()) | _TAKEN | {one.kind for one in found.values()}
+        taken = node_types().keys() | _TAKEN | {one.kind for one in found.values()}
         placeholder = Placeholder(tag, _name(tag, taken, "node"), nodes[0][1].place[0])
         model = models.get((False, tag))
         described = dict(model.ports) if model else {}
@@ -108,15 +108,15 @@ def placeholders_of(file: XmlFile, models: Models) -> dict[str, Placeholder]:
 def is_foreign(element: Element) -> bool:
     """Whether a node is a leaf that nobody knows here."""
     tag = tag_of(element)
-    known = tag in mapping.THEIRS or mapping.own_kinds().get(tag) not in {None, *ADDED}
+    known = tag in mapping.THEIRS or tag in mapping.own_kinds()
     return bool(tag) and not known and not element.children
 
 
-def node_types_of(module: str, name: str) -> list[NodeType]:
-    """The kinds that the text of a module declares."""
+def node_types_of(module: str, name: str) -> dict[str, NodeType]:
+    """The nodes that the text of a module declares, by kind."""
     scope: dict[str, Any] = {"__name__": name}
     exec(compile(module, f"{name}.py", "exec", dont_inherit=True), scope)  # of our own making, in `module_text`
-    return list(scope["NODES"])
+    return {value.kind: value for value in scope.values() if isinstance(value, NodeType)}
 
 
 def module_text(found: Iterable[Placeholder], source: str, module: str) -> str:
@@ -132,10 +132,8 @@ def module_text(found: Iterable[Placeholder], source: str, module: str) -> str:
         "from mpvi_bt.behaviors.parameters import Key, Parameters, Value\n"
         "from mpvi_bt.behaviors.registry import NodeType\n"
     ]
-    for one, name in zip(nodes, classes, strict=True):
-        parts.append(_node_text(one, name, source, module))
-    rows = "".join(_row(one, name, source) for one, name in zip(nodes, classes, strict=True))
-    return "\n\n".join([*parts, f"NODES = (\n{rows})\n"])
+    parts += [_node_text(one, name, source, module) for one, name in zip(nodes, classes, strict=True)]
+    return "\n\n".join(parts)
 
 
 def _node_text(one: Placeholder, name: str, source: str, module: str) -> str:
@@ -152,7 +150,7 @@ def _node_text(one: Placeholder, name: str, source: str, module: str) -> str:
         f"        super().__init__(name)\n{kept}\n"
         "    def update(self) -> Status:\n"
         '        """One tick."""\n'
-        f'        return self.fail("not_written", "write {name}.update in {module}.py")\n'
+        f'        return self.fail("not_written", "write {name}.update in {module}.py")\n\n\n' + _row(one, name, source)
     )
 
 
@@ -160,9 +158,9 @@ def _row(one: Placeholder, name: str, source: str) -> str:
     reads = [port.parameter for port in one.ports.values() if port.direction == "inout_port"]
     writes = [port.parameter for port in one.ports.values() if port.direction != "input_port"]
     told = f'"{_quoted(one.tag)} of {_quoted(source)}."'
-    lines = [f'"{one.kind}"', '"leaf"', f"{name}Ports", '"name"', f'f"{{__name__}}:{name}"', told, "robot=True"]
+    lines = [f'"{one.kind}"', '"leaf"', f"{name}Ports", '"name"', f'"{name}"', told, "robot=True"]
     lines += [f"{key}={_tuple(names)}" for key, names in (("reads", reads), ("writes", writes)) if names]
-    return "    NodeType(\n" + "".join(f"        {line},\n" for line in lines) + "    ),\n"
+    return f"{one.kind.upper()} = NodeType(\n" + "".join(f"    {line},\n" for line in lines) + ")\n"
 
 
 def _annotation(port: PortOf) -> str:
