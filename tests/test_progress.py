@@ -55,12 +55,12 @@ def test_progress_is_plain_lines_when_piped() -> None:
     assert "\x1b" not in text
     assert "\r" not in text
     lines = text.splitlines()
-    assert lines[0] == "4 episodes, 1 already there, 3 to run in 2 worker processes, 0 to 11 s"
+    assert lines[0] == "4 episodes, 1 already there, 3 to run in 2 worker processes, 1 to 5 s"
     assert lines[1] == (
         "picking_up_trash_1_0  its result file is broken; moved to out/quarantine/a.json, and to run again"
     )
     assert lines[2:4] == [f"picking_up_trash_{i}_0  begins, worker {i}" for i in (1, 2)]
-    assert "| 2/4 done, 0 to 3 s left, mean q 0.75, 1 reached the goal, 1 running" in lines[4]
+    assert "| 2/4 done, 1 to 2 s left, mean q 0.75, 1 reached the goal, 1 running" in lines[4]
     assert lines[6] == "picking_up_trash_3_0  machine fault: the worker process died (exit code -9); given up"
     assert "3/4 done, mean q 0.83, 2 reached the goal, 1 machine fault, 0 running" in lines[7]
 

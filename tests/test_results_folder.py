@@ -98,7 +98,8 @@ def test_the_file_of_a_suite_finds_where_its_results_are_put_by_default() -> Non
         ("mina", "unknown suite 'mina'. Did you mean 'mine'?"),
         ("trash11", "unknown suite 'trash11'. Did you mean 'trash10'?"),
         ("a/gone.yaml", "a/gone.yaml: there is no such file."),
-        ("old/mine", "old/mine: there is no such file."),
+        ("a/mine.yaml", "a/mine.yaml: there is no such file. Results of a suite of that name are in runs/mine."),
+        ("old/mina", "old/mina: there is no such file."),
         ("a" * 5000, "unknown suite"),
     ],
 )
@@ -110,6 +111,14 @@ def test_what_names_no_results_is_told(word: str, said: str) -> None:
     with pytest.raises(UserError) as caught:
         SuiteFolder.named(word)
     assert str(caught.value).startswith(said)
+
+
+def test_a_suite_is_not_run_by_the_folder_of_its_results(capsys: pytest.CaptureFixture[str]) -> None:
+    """What to say instead is told."""
+    kept(Path("runs/mine"), "mine")
+    assert run(["suite", "run", "runs/mine"]) == 2
+    said = capsys.readouterr().err
+    assert said == "mpvi: runs/mine: is a folder. Name the suite or its file, and the folder with --out runs/mine.\n"
 
 
 def test_older_folders_are_told_by_their_suite() -> None:

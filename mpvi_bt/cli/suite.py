@@ -20,7 +20,7 @@ from mpvi_bt.cli.given import Columns, File, Name, arguments
 from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.cli.setting_options import settings, shared
 from mpvi_bt.drawing.cells import WIDTH
-from mpvi_bt.errors import BackendError
+from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.report.told import Told
 
 if TYPE_CHECKING:
@@ -148,6 +148,8 @@ def run(
     from mpvi_bt.suite.store import RUNS, Store
     from mpvi_bt.suite.suites import load_suite
 
+    if paths.is_folder(Path(name)):
+        raise UserError(f"{name}: is a folder. Name the suite or its file, and the folder with --out {name}.")
     loaded, title = load_suite(name), paths.title(name)
     store, episodes = Store(out or RUNS / title), _chosen(loaded, options, params)
     for doubt in language_doubts(episodes):

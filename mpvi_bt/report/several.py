@@ -93,6 +93,11 @@ def _meant(name: str) -> Path:
         return RUNS / paths.title(paths.find_or_file(FOLDER, name, "suite"))
     except UnknownName as error:
         raise UnknownName("suite", name, [*error.known, *(folder.name for folder in _below(RUNS))]) from None
+    except UserError as error:
+        there = RUNS / own.stem
+        if paths.is_file(there / MANIFEST):
+            raise UserError(f"{error} Results of a suite of that name are in {there}.") from None
+        raise
 
 
 def _untold(folder: Path) -> str:

@@ -41,10 +41,11 @@ class SuiteProgress:
         for config, result in results.items():
             self._count(config, result)
         kept = f", {len(results)} already there" if results else ""
-        processes = f" in {min(workers, len(todo))} worker processes" if todo and workers else ""
-        left_s = self.pace.left_s(todo, {}, min(workers, len(todo)) or 1) if todo else None
+        at_once = min(workers, len(todo))
+        processes = f" in {at_once} worker process{'es' * (at_once > 1)}" if at_once else ""
+        left_s = self.pace.left_s(todo, {}, at_once or 1) if todo else None
         takes = f", {span(*left_s)}" if left_s else ""
-        self._print(f"{self.total} episodes{kept}, {len(todo)} to run{processes}{takes}")
+        self._print(f"{self.total} episode{'s' * (self.total != 1)}{kept}, {len(todo)} to run{processes}{takes}")
 
     def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
         """Say where the file is now."""

@@ -13,9 +13,10 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.instances.tasks import load_task
 
 # Of the range of the time left. Our choice: nine of ten suites should end in it, and of made-up ones at least four of
-# five do (tests/test_progress.py), as long as the machine's other work stays as it is.
+# five do (tests/test_progress.py). Spreads are of the logarithm of wall time over what was expected.
 _SURE = 1.64  # standard deviations
-_FIRST = 0.8  # of the logarithm of wall time over what was expected, while little is known; counts as one episode
+_FIRST = {True: 0.4, False: 0.8}  # of a task that ran before, and of a new one; counts as one episode among those seen
+_LOAD = 0.1  # of all that is left: the machine's other work changes
 Kind = tuple[str | None, str]  # method and task: episodes that take about as long
 
 
@@ -49,13 +50,13 @@ class Pace:
     def __init__(self, budget_s: Mapping[str, float]) -> None:
         self._budget_s = budget_s
         self._walls: defaultdict[Kind, list[float]] = defaultdict(list)
-        self._errors = [_FIRST]
+        self._errors = {ran: [spread] for ran, spread in _FIRST.items()}
 
     def learn(self, config: EpisodeConfig, wall_s: float) -> None:
         """An episode took that long."""
         wall_s = max(wall_s, 1e-3)
         if (expected_s := self.expected_s(config)) is not None:
-            self._errors.append(math.log(wall_s / expected_s))
+            self._errors[self._ran(config)].append(math.log(wall_s / expected_s))
         self._walls[config.method, config.task].append(wall_s)
 
     def expected_s(
@@ -66,7 +67,8 @@ class Pace:
         Of a task that is new the time goes by its budget, at the rate of its method, or of all. The first to end are
         the short ones: the rate counts the time that others have been running, too.
         """
-        if own := self._walls.get((config.method, config.task)):
+        if self._ran(config):
+            own = self._walls[config.method, config.task]
             return sum(own) / len(own)
         alike = {kind: walls for kind, walls in self._walls.items() if kind[0] == config.method} or self._walls
         if not alike:
@@ -89,7 +91,7 @@ class Pace:
             return None
         waiting = list(waiting)
         at_once = max(1, workers, len(running_s))
-        factor = self._factor((len(waiting) + len(running_s)) / at_once)
+        factor = self._factor([*waiting, *running_s], at_once)
         return self.ends_s(waiting, running_s, at_once, 1 / factor), self.ends_s(waiting, running_s, at_once, factor)
 
     def ends_s(
@@ -112,11 +114,17 @@ class Pace:
             heapq.heapreplace(free, free[0] + takes_s(config))
         return max(free)
 
-    def _factor(self, in_a_row: float) -> float:
-        """By how much so many episodes, one after the other, may take longer or shorter than expected.
+    def _ran(self, config: EpisodeConfig) -> bool:
+        """Whether an episode of its task and method did."""
+        return bool(self._walls.get((config.method, config.task)))
+
+    def _factor(self, left: Sequence[EpisodeConfig], at_once: int) -> float:
+        """By how much these episodes may take longer or shorter than expected.
 
         By as much as earlier ones did; the mean of several is surer than one.
         """
-        ran = sum(map(len, self._walls.values()))
-        spread = math.sqrt(sum(error**2 for error in self._errors) / len(self._errors))
-        return math.exp(_SURE * spread * math.sqrt(1 / max(in_a_row, 1) + 1 / ran))
+        square = {ran: sum(error**2 for error in errors) / len(errors) for ran, errors in self._errors.items()}
+        spread = math.sqrt(sum(square[self._ran(config)] for config in left) / max(len(left), 1))
+        through = sum(map(len, self._walls.values()))
+        spread *= math.sqrt(1 / max(len(left) / at_once, 1) + 1 / through)
+        return math.exp(_SURE * math.hypot(spread, _LOAD))
