@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 import json
 import re
 import subprocess
@@ -22,16 +23,20 @@ from mpvi_bt.cli.render import render
 from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
 from mpvi_bt.drawing.dot import dot_tree
 from mpvi_bt.drawing.svg import svg_tree
-from mpvi_bt.drawing.symbols import _SIGNS, MARKS, standing
+from mpvi_bt.drawing.symbols import _SIGNS, MARKS, outcome, standing, state_style
 from mpvi_bt.drawing.text import ascii_tree, time_text, tree_lines, unicode_tree, where
 from mpvi_bt.errors import UserError
+from mpvi_bt.executive.dry import dry_tree, run_dry
+from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.trace.html import tree_page
+from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import expanded, parse_tree
 from tests.tree_strategies import trees
 
-GOLDEN = Path(__file__).parent / "golden"
+ROOT = Path(__file__).parent.parent
+GOLDEN = ROOT / "tests" / "golden"
 SVG = "{http://www.w3.org/2000/svg}"
 
 SMALL = parse_tree(
@@ -258,6 +263,59 @@ def test_drawings_are_golden(suffix: str, drawn: str) -> None:
     """A small tree with a node in each state is drawn as recorded."""
     assert {standing(state) for state in _STATES.values()} | {"idle"} == set(MARKS)
     assert drawn + "\n" == (GOLDEN / f"fetch.{suffix}").read_text(encoding="utf-8")
+
+
+def test_a_state_has_one_color_everywhere() -> None:
+    """Its colors on light and dark paper, of its text and on a terminal are of one hue; pages define no other."""
+    names = {"yellow": 45, "green": 130, "red": 5, "bright_blue": 228, 166: 24}
+
+    def hue(color: str) -> float:
+        return 360 * colorsys.rgb_to_hls(*(int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)))[0]
+
+    for name, mark in MARKS.items():
+        if name == "idle":
+            continue
+        hues = [hue(mark.light), hue(mark.dark), hue(mark.ink), hue(mark.fill), names[mark.terminal or ""]]
+        turned = [(h - hues[0] + 180) % 360 - 180 for h in hues]
+        assert max(turned) - min(turned) < 25, (name, hues)
+        assert f"--{name.replace('_', '-')}: {mark.light};" in state_style()
+        assert svg_tree(SMALL, {"fetch": _standing_so[name]}).count(mark.ink) >= 2
+    defined = re.compile(r"--(running|success|failure|gave-up|interrupted|idle|good|bad|warn|busy)\s*:")
+    for file in (ROOT / "mpvi_bt").rglob("*.css"):
+        assert not defined.search(file.read_text(encoding="utf-8")), file
+
+
+_standing_so = {
+    "running": NodeState("RUNNING"),
+    "success": NodeState("SUCCESS"),
+    "failure": NodeState("FAILURE"),
+    "gave_up": NodeState("SUCCESS", gave_up=True),
+    "interrupted": NodeState("INVALID", interrupted=True),
+}
+
+
+def test_what_failed_before_is_not_idle() -> None:
+    """A step that failed and was reset by a retry stands as failed, and says so, in text, SVG and pages."""
+    tree = parse_tree(
+        "tree: t\nroot:\n  retry: 2\n  child:\n    sequence: s\n    memory: true\n"
+        "    children: [{wait: 0.1}, {fail: no_luck}]\n"
+    )
+    seen: dict[int, dict[str, NodeState]] = {}
+
+    class Look(Watcher):
+        def step(self, tree: Tree, world: World) -> None:
+            seen[tree.ticks] = tree.states()
+
+    run_dry(dry_tree(tree), subscribers=[Look()])
+    again = next(s for s in seen.values() if s["retry/s/wait"].status == "RUNNING" and s["retry/s/fail"].ended)
+    state = again["retry/s/fail"]
+    assert (state.status, state.ended, state.reason, standing(state)) == ("INVALID", "FAILURE", "no_luck", "failure")
+    assert "fail: no_luck [x]  failed before: no_luck" in ascii_tree(tree, again)
+    assert "✕ fail: no_luck" in svg_tree(tree, again)
+    done = next(s for s in reversed(seen.values()) if s["retry/s/wait"].status == "SUCCESS")
+    assert standing(NodeState(ended="SUCCESS")) == "idle"
+    assert outcome(NodeState(ended="SUCCESS")) == "success"
+    assert done["retry/s/wait"].ended == ""
 
 
 def test_what_matters_most_is_named() -> None:

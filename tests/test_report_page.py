@@ -204,11 +204,11 @@ def test_an_episode_tells_what_ran_when(tmp_path: Path) -> None:
     write_trace(tmp_path, runs.episodes[1], 60)
     (tmp_path / "traces" / f"{runs.episodes[2].name}.jsonl").write_text("nothing\n")
     page = page_of([runs])
-    rows = re.findall(r'<div class="row (\w+)">', page)
+    rows = re.findall(r'<div class="row(?:" data-is="| )(\w+)">', page)
     assert rows == [
-        *["success", "success", "success", "failure"] * 2,
+        *["success", "success", "success", "interrupted"] * 2,
         "axis",
-        *["success", "success", "success", "failure"] * 10,
+        *["success", "success", "success", "interrupted"] * 10,
         "axis",
     ]
     assert "and 20 more that ran" in page

@@ -376,3 +376,35 @@ def test_pictures_of_an_episode_change(chromium: Browser, tmp_path: Path) -> Non
         process.send_signal(signal.SIGINT)
         assert process.wait(60) == 130
         tab.until("document.querySelector('#outcome').textContent.includes('interrupted')")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1200, 390])
+def test_the_debugger_is_above_the_pictures_and_keeps_the_focus(chromium: Browser, width: int, tmp_path: Path) -> None:
+    """Its buttons have words, are above all else that is shown, and can be pressed again and again by the keyboard."""
+    (tmp_path / "slow.yaml").write_text(TREE, encoding="utf-8")
+    command = ("run", "--dry", "--tree", "slow.yaml", "--no-watch", "--step", "--serve=0")
+    with serving(*command, cwd=tmp_path) as (url, _):
+        tab = chromium.tab(url)
+        tab.size(width, 900)
+        tab.until("document.querySelector('.paused') !== null")
+        top = "document.querySelector({!r}).getBoundingClientRect().top"
+        assert tab.eval(top.format(".controls")) < tab.eval(top.format("#player")) < tab.eval(top.format("#outline"))
+        assert tab.eval("live.images.compareDocumentPosition(live.controls) & Node.DOCUMENT_POSITION_PRECEDING")
+        words = tab.eval("[...document.querySelectorAll('.controls button, #player button')].map(b => b.innerText)")
+        assert len(words) >= 11
+        assert all(re.search("[A-Za-z]{2}", text) for text in words)
+        assert "Enter" not in tab.text(".said")  # the keys of the terminal are not the page's
+        assert tab.text("#outcome").endswith("paused")
+        tab.eval("live.steps[0].focus()")
+        for ticks in (1, 2, 3):
+            tab.until(f"play.frames.length >= {ticks} && document.querySelector('.paused') !== null")
+            for kind in ("keyDown", "keyUp"):
+                tab.call(
+                    "Input.dispatchKeyEvent", type=kind, key="Enter", code="Enter", windowsVirtualKeyCode=13, text="\r"
+                )
+        tab.until("play.frames.length >= 4")
+        assert tab.eval("document.activeElement === live.steps[0]")
+        tab.until("document.querySelector('.paused') !== null")
+        tab.until("/paused for [1-9]/.test(live.stands.innerText)")  # in wall time, which goes on
+        assert tab.eval("document.documentElement.scrollWidth") <= width

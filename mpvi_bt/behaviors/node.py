@@ -24,6 +24,7 @@ class Node(Behaviour):
         context: The run's backends, from setup on.
         failure: Why it failed, after a FAILURE.
         interrupted: It was RUNNING when it was cut off, and has not begun since.
+        ended: How its last round ended, "SUCCESS" or "FAILURE", where that was reset and it has not begun since.
         resets: Where a node enters itself when it goes back to INVALID; the tree's, or None outside one.
     """
 
@@ -31,6 +32,7 @@ class Node(Behaviour):
     context: Context
     failure: Failure | None = None
     interrupted: bool = False
+    ended: str = ""
     resets: list[Behaviour] | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -41,6 +43,7 @@ class Node(Behaviour):
         """Forget the last round."""
         self.failure = None
         self.interrupted = False
+        self.ended = ""
         self.feedback_message = ""
 
     def stop(self, new_status: Status = _INVALID) -> None:
@@ -69,6 +72,7 @@ class Node(Behaviour):
 
     def _note_reset(self) -> None:
         self.interrupted = self.status is _RUNNING
+        self.ended = "" if self.interrupted else self.status.value
         if self.resets is not None:
             self.resets.append(self)
 

@@ -72,6 +72,9 @@ class Debugger(Watcher):
     A node begins in a tick in which it turns RUNNING, or ends without having been RUNNING before. A change is one of a
     node's status or of the blackboard. Once the input has ended nothing pauses any more.
 
+    Attributes:
+        news: Why it pauses, or paused last: when, and what changed, a line each.
+
     Args:
         source: Where the answers come from.
         stream: Where the questions go.
@@ -98,6 +101,7 @@ class Debugger(Watcher):
         self._seen: dict[Behaviour, Status] = {}
         self._blackboard: dict[str, object] = {}
         self._greeted = False
+        self.news: tuple[str, ...] = ()
 
     def start(self, tree: Tree, world: World) -> None:
         """Find the nodes to break at. Raises UserError if a break fits none."""
@@ -132,8 +136,10 @@ class Debugger(Watcher):
             return
         count = f"{len(changed)} change{'s' * (len(changed) > 1)}" if changed else "nothing changed"
         news = [f"break at {path}" for path in here] or [count, *changed]
-        self._say(f"tick {tree.ticks}, {world.time_s:.1f} s: {news[0]}", *news[1:])
-        self._ask(tree)
+        self.news = (f"tick {tree.ticks}, {world.time_s:.1f} s: {news[0]}", *news[1:])
+        self._say(*self.news)
+        with tree.context.stopwatch("paused"):
+            self._ask(tree)
 
     def _look(self, tree: Tree) -> tuple[list[str], list[str]]:
         """Paths of the nodes that began in this tick, and what changed in it, for a person."""

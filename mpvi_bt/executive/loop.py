@@ -72,7 +72,8 @@ class Outcome:
         log: Segments that were given up, questions to the checker, what hands noticed, actions that were clipped.
         wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "motion",
             "policy", "rendering", "triggers", "checker", "planner", and "ticking", the rest of it, which is the tree's
-            own; "watching", the subscribers'; "compiling" loops, at the first run on a machine; "total".
+            own; "watching", the subscribers'; "paused", until a person let it go on; "compiling" loops, at the first
+            run on a machine; "total".
     """
 
     ending: Ending
@@ -207,7 +208,7 @@ def run_episode(
             if world.time_s >= max_time_s:
                 outcome.ending = "time_limit"
                 break
-            if watched - began > wall_limit_s:
+            if watched - began - context.stopwatch.seconds["paused"] > wall_limit_s:
                 raise BackendError(f"the episode took more than {wall_limit_s:g} s of wall time")
             world.step(world.robot.action)
             stepping += clock() - watched
@@ -226,11 +227,13 @@ def run_episode(
         raise
     finally:
         inside = dict(context.stopwatch.seconds)
+        paused = inside.pop("paused", 0.0)
         outcome.wall_s = {
             "stepping": stepping,
             **inside,
             "ticking": max(0.0, ticking - sum(inside.values())),
-            "watching": watching,
+            "watching": max(0.0, watching - paused),
+            "paused": paused,
             "compiling": (compiled_s := compiling.seconds - compiled_s),
             "total": clock() - began + compiled_s,
         }

@@ -30,6 +30,7 @@ _ACTIVITIES = {  # of wall time, by what the loop counts apart
     "models": ("policy", "checker", "planner"),
     "tree": ("ticking", "triggers"),
     "recording": ("watching",),
+    "paused": ("paused",),
 }
 
 
@@ -260,6 +261,8 @@ def wall_shares(results: Sequence[Result]) -> tuple[dict[str, float], float | No
             spent[name] += seconds
     if not totals:
         return {}, None
+    if not spent["paused"]:  # as long as nobody debugs, there is nothing to tell of it
+        del spent["paused"]
     return {name: seconds / sum(totals) for name, seconds in spent.items()}, sum(totals) / len(totals)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mpvi_bt import __version__, paths
 from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.symbols import state_style
 from mpvi_bt.errors import MpviError
 from mpvi_bt.house.house import House, load_house
 from mpvi_bt.marked_yaml import load_marked
@@ -40,7 +41,7 @@ def report_page(
     """
     houses = _houses(figures.tasks)
     looks = (resources.files("mpvi_bt.report") / "page" / "report.css").read_text(encoding="utf-8")
-    style = plot_style() + looks + CHOICE_STYLE
+    style = state_style() + plot_style() + looks + CHOICE_STYLE
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     sections = [(name, body) for name, body in _sections(figures, runs, houses, page) if body]
     links = "".join(f'<a href="#{_mark(name)}">{escape(name)}</a>' for name, _ in sections)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from mpvi_bt.drawing.cells import cut, one_line
-from mpvi_bt.drawing.symbols import MARKS, Standing, standing
+from mpvi_bt.drawing.symbols import MARKS, Standing, outcome
 from mpvi_bt.trace.read import Trace
 
 MOST_ROWS = 40  # Our choice: the page of a suite holds hundreds of these
@@ -39,7 +39,7 @@ class Row:
 def timeline(trace: Trace) -> list[Row]:
     """Every leaf that ran, in the order in which they began; one that still ran at the end stands as running.
 
-    A leaf that is cut off because a node above it fails, such as a timeout, has failed with it.
+    Each stands as the tree has it: one that a node above it cut off, such as a timeout, was interrupted.
     """
     rows: dict[str, Row] = {}
     began: dict[str, float] = {}
@@ -51,7 +51,6 @@ def timeline(trace: Trace) -> list[Row]:
         if moment.tree is not tree:
             tree = moment.tree
             labels = {n.path: n.spec.label for n in tree.nodes if n.spec.type.family == "leaf"}
-        failed = [p for p, s in tick.nodes.items() if p not in labels and (s.status == "FAILURE" or s.gave_up)]
         for path, state in tick.nodes.items():
             if path not in labels:
                 continue
@@ -59,8 +58,7 @@ def timeline(trace: Trace) -> list[Row]:
                 began.setdefault(path, end_s)
                 rows.setdefault(path, Row(one_line(labels[path])))
             elif path in began:
-                cut_off = any(path.startswith(f"{above}/") for above in failed) and standing(state) == "interrupted"
-                rows[path].spans.append(Span(began.pop(path), end_s, "failure" if cut_off else standing(state)))
+                rows[path].spans.append(Span(began.pop(path), end_s, outcome(state)))
         for path in began.keys() - labels.keys():  # its part of the tree was swapped
             rows[path].spans.append(Span(began.pop(path), end_s, "interrupted"))
     if trace.end is not None:
@@ -84,7 +82,7 @@ def timeline_html(rows: list[Row], end_s: float) -> str:
         boxes = "".join(_box(span, total, last) for span in row.spans)
         spent = sum(span.end_s - span.start_s for span in row.spans)
         parts.append(
-            f'<div class="row {last}"><span>{escape(cut(row.label, _LABEL))}</span><svg>{boxes}</svg>'
+            f'<div class="row" data-is="{last}"><span>{escape(cut(row.label, _LABEL))}</span><svg>{boxes}</svg>'
             f"<span>{MARKS[last].unicode} {MARKS[last].word} {spent:.1f} s</span></div>"
         )
     step = next((step for step in _STEPS_S if total / step <= 6), total)
@@ -100,5 +98,5 @@ def timeline_html(rows: list[Row], end_s: float) -> str:
 def _box(span: Span, total: float, usual: Standing) -> str:
     """A stretch; it looks as its row does unless it stands otherwise."""
     x, width = span.start_s / total * 100, max((span.end_s - span.start_s) / total * 100, 0.3)
-    look = f' class="{span.standing}"' if span.standing != usual else ""
+    look = f' data-is="{span.standing}"' if span.standing != usual else ""
     return f'<rect{look} x="{x:.1f}%" width="{width:.1f}%"/>'

@@ -263,7 +263,12 @@ class _History:
             last = self.failures[child][-1] if self.failures[child] else None
             if state.status == "FAILURE":
                 found.append(self.link(child))
-            elif last and state == _NEVER and link.began_s <= last.time_s <= link.time_s:
+            elif (
+                last
+                and state.status == "INVALID"
+                and not state.interrupted
+                and link.began_s <= last.time_s <= link.time_s
+            ):
                 found.append(self.link(child, last))
         return tuple(found)
 

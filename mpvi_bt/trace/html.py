@@ -18,7 +18,7 @@ from importlib import resources
 from typing import Any
 
 from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.drawing.symbols import MARKS, Standing, sign, standing
+from mpvi_bt.drawing.symbols import MARKS, Standing, outcome, sign, standing, state_style
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.trace.lines import End, Tick
 from mpvi_bt.trace.read import Trace
@@ -120,6 +120,8 @@ def nodes(tree: TreeSpec) -> list[dict[str, Any]]:
 def _state(state: NodeState, time_s: float) -> dict[str, Any]:
     """A state without what is at its default; a running node's time as when it began."""
     shown: dict[str, Any] = {"is": standing(state)}
+    if (ended := outcome(state)) != shown["is"]:
+        shown["ended"] = ended
     if state.elapsed_s is not None and math.isfinite(state.elapsed_s):
         running = state.status == "RUNNING"
         shown["began" if running else "elapsed"] = time_s - state.elapsed_s if running else state.elapsed_s
@@ -196,13 +198,13 @@ def page(tree: TreeSpec, data: dict[str, Any], more: More = More()) -> str:
     """The page of a tree, with what its script reads."""
     data = {word: one_line(getattr(tree, word)) for word in ("name", "about", "instruction")} | data
     data["marks"] = {name: {"unicode": mark.unicode, "word": mark.word} for name, mark in MARKS.items()}
-    style = "\n".join(filter(None, (asset("page.css"), more.style)))
+    looks = "\n".join(filter(None, (page_style(), more.style)))
     script = "\n".join([*map(asset, _SCRIPTS[:-1]), *filter(None, [more.script]), asset(_SCRIPTS[-1])])
-    policy = ["default-src 'none'", f"script-src '{digest(script)}'", f"style-src '{digest(style)}'", "base-uri 'none'"]
+    policy = ["default-src 'none'", f"script-src '{digest(script)}'", f"style-src '{digest(looks)}'", "base-uri 'none'"]
     parts = {
         "title": html.escape(one_line(tree.name)),
         "policy": "; ".join([*policy, *filter(None, [more.allows])]),
-        "style": style,
+        "style": looks,
         "tree": html.escape("\n".join(map(one_line, ascii_tree(tree, width=120).splitlines()))),
         "data": embedded(data),
         "script": script,
@@ -235,6 +237,11 @@ def embedded(data: Any) -> str:
     """JSON in which HTML finds nothing to end or to begin, whatever its texts hold."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def page_style() -> str:
+    """What pages look like, with the colors of nodes' states."""
+    return state_style() + asset("page.css")
 
 
 def asset(name: str) -> str:

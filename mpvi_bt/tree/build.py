@@ -178,9 +178,9 @@ class Tree:
     def state_of(self, node: Behaviour) -> NodeState:
         """How one of `nodes` stands."""
         interrupted = node.status == Status.INVALID and getattr(node, "interrupted", False)
-        if node.status == Status.INVALID and not interrupted:
-            return NodeState()
         own: Failure | None = getattr(node, "failure", None)
+        if node.status == Status.INVALID and not interrupted:
+            return _reset(getattr(node, "ended", ""), own)
         failure = failure_of(node) if node.status == Status.FAILURE else own if node.status == Status.SUCCESS else None
         return NodeState(
             node.status.value,
@@ -189,6 +189,7 @@ class Tree:
             getattr(node, "limit_s", None),
             node.status == Status.SUCCESS and own is not None,
             interrupted,
+            "",
             failure.reason if failure else "",
             failure.evidence if failure else "",
             failure.path if failure else "",
@@ -275,6 +276,17 @@ class Tree:
     def statuses(self) -> list[Status]:
         """Status of every node, in the order of `nodes`; cheap enough for every tick."""
         return [node.status for node in self.nodes.values()]
+
+
+def _reset(ended: str, failure: Failure | None) -> NodeState:
+    """How a node stands that has not begun, or not since a node above it has reset it."""
+    if ended == "SUCCESS":
+        return NodeState(feedback="succeeded before", ended="SUCCESS")
+    if ended == "FAILURE":
+        why = (failure.reason, failure.evidence, failure.path) if failure else ("", "", "")
+        feedback = ": ".join(filter(None, ("failed before", *why[:2])))
+        return NodeState("INVALID", feedback, None, None, False, False, "FAILURE", *why)
+    return NodeState()
 
 
 def _owners(error: BaseException) -> list[str]:

@@ -28,13 +28,14 @@ class SavedNode(Record):
     Attributes:
         status: As in `NodeState`.
         feedback: Its line.
-        interrupted: As in `NodeState`.
+        interrupted, ended: As in `NodeState`.
         state: What the node declares.
     """
 
     status: Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
     feedback: str = ""
     interrupted: bool = False
+    ended: Literal["", "SUCCESS", "FAILURE"] = ""
     state: dict[str, JsonValue] = {}
 
 
@@ -65,6 +66,7 @@ def _saved(node: Behaviour) -> SavedNode:
         status=node.status.value,
         feedback=node.feedback_message,
         interrupted=bool(getattr(node, "interrupted", False)),
+        ended=getattr(node, "ended", ""),
         state=state,
     )
 
@@ -86,7 +88,7 @@ def restore(tree: Tree, saved: SavedTree) -> None:
         node.status = Status.INVALID if path in begun_anew else Status(stood.status)
         node.feedback_message = stood.feedback
         if isinstance(node, Node):
-            node.interrupted = stood.interrupted
+            node.interrupted, node.ended = stood.interrupted, stood.ended
             try:
                 node.restore(dict(stood.state))
             except (KeyError, TypeError, ValueError, AttributeError) as error:

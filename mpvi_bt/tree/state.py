@@ -15,12 +15,13 @@ class NodeState:
     """How a node stands.
 
     Attributes:
-        status: "INVALID": not begun, or interrupted.
+        status: "INVALID": it has not begun, or what it did was undone: see `interrupted` and `ended`.
         feedback: One line, or "".
         elapsed_s: Simulated time in this round, of nodes that count it.
         limit_s: What elapsed_s may reach.
         gave_up: A SUCCESS that passes over a failure.
         interrupted: It was RUNNING when it was cut off.
+        ended: Of INVALID: how its last round ended, which a node above it has reset since; "": it has had none.
         reason, evidence: Of its failure, if it has one: a stable code, and one line for a person.
         origin: Path of the node whose failure that is, itself or one below; "" without a failure.
     """
@@ -31,6 +32,7 @@ class NodeState:
     limit_s: float | None = None
     gave_up: bool = False
     interrupted: bool = False
+    ended: Literal["", "SUCCESS", "FAILURE"] = ""
     reason: str = ""
     evidence: str = ""
     origin: str = ""

@@ -11,20 +11,18 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.executive.debugger import Debugger
 from mpvi_bt.watch.channel import Page
 
-_PROMPT = "debug> "
-
 
 class Console:
     """Source and stream of a `Debugger`: whichever of terminal and page answers first is heard.
 
-    The end of the input ends nothing: the page can still answer.
+    The page is told why the run pauses; it has buttons, so the keys of the terminal are none of its matter. The end of
+    the input ends nothing: the page can still answer.
     """
 
     def __init__(self, source: TextIO, stream: TextIO, page: Page) -> None:
-        """Read `source`, write to `stream`; the page sees what is written since the last question."""
+        """Read `source`, write to `stream`; `page` has the buttons."""
         self._source, self._stream, self._page = source, stream, page
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._said: list[str] = []
         self._asking = False
         self._debugger: Debugger | None = None
         page.heard = self._hear
@@ -39,8 +37,7 @@ class Console:
         return self._source.isatty()
 
     def write(self, text: str) -> int:
-        """To the terminal, and into what the page shows at the next question."""
-        self._said.append(text)
+        """To the terminal."""
         return self._stream.write(text)
 
     def flush(self) -> None:
@@ -49,8 +46,8 @@ class Console:
 
     def readline(self) -> str:
         """The next answer."""
-        self._page.send({"paused": "".join(self._said).removesuffix(_PROMPT).strip() or "paused"})
-        self._said.clear()
+        news = self._debugger.news if self._debugger else ()
+        self._page.send({"paused": "\n".join(news) or "paused"})
         self._asking = True
         try:
             return self._lines.get()

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mpvi_bt.trace.html import asset, digest
+from mpvi_bt.trace.html import digest, page_style
 
 
 class Drawer:
@@ -78,7 +78,7 @@ class Drawer:
 
 def sentence(text: str) -> str:
     """A page that says only this."""
-    style = asset("page.css")
+    style = page_style()
     policy = f"default-src 'none'; style-src '{digest(style)}'"
     head = f'<!doctype html><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
     return f"{head}<style>{style}</style><header><p>{text}</p></header>"

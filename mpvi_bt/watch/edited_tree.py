@@ -14,7 +14,7 @@ from starlette.types import ASGIApp
 
 from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.errors import MpviError, Problem, UserError
-from mpvi_bt.trace.html import asset, embedded, filled
+from mpvi_bt.trace.html import embedded, filled, page_style
 from mpvi_bt.watch.drawer import Drawer, sentence
 from mpvi_bt.watch.edited_file import MOST_BYTES, FileText, Unreadable, read_file_text, save_over
 from mpvi_bt.watch.feed import Feed
@@ -189,6 +189,6 @@ async def _said(request: Request) -> dict[str, Any] | None:
 
 def edit_page(name: str, data: dict[str, Any]) -> str:
     """The page, with the text as it is now."""
-    script, style = file("edit.js"), "\n".join((asset("page.css"), file("edit.css")))
+    script, style = file("edit.js"), "\n".join((page_style(), file("edit.css")))
     allows = "connect-src 'self'; frame-src 'self'; img-src 'self'"
     return filled(file("edit.html"), name, script, style, allows, embedded({"name": name, **data}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import time
 from collections.abc import Sequence
 from html import escape
 from importlib import resources
@@ -39,6 +40,7 @@ class WatchedRun:
         self._pictures: dict[str, tuple[int, bytes]] = {}
         self._now: dict[str, Any] = {}
         self._paused = self._reloaded = ""
+        self._paused_at = 0.0
         self._over = self._fresh = False
         self._serial = 0  # of what came beside the trace
         self._broken = ""
@@ -66,6 +68,7 @@ class WatchedRun:
             "since": self._since(),
             "pictures": pictures,
             "paused": self._paused,
+            "paused_s": self._paused_s,
             "says": self._says,
             "reloaded": self._reloaded,
         }
@@ -107,7 +110,8 @@ class WatchedRun:
         for name, data in words.get("pictures", {}).items():
             self._pictures[name] = self._serial, base64.b64decode(data)
         self._now = words.get("now", self._now)
-        self._paused = words.get("paused", self._paused)
+        if "paused" in words:
+            self._paused, self._paused_at = words["paused"], time.monotonic()
         self._reloaded = words.get("reloaded", self._reloaded)
         self._fresh = True
         self.feed.tell()
@@ -146,7 +150,8 @@ class WatchedRun:
         if run != now.split()[0] or frames > len(self._frames.frames):
             return since, {"reload": True}
         pictures = {name: at for name, (at, _) in self._pictures.items() if at > serial}
-        told = {"end": self._end(), "pictures": pictures, "paused": self._paused, "reloaded": self._reloaded}
+        told = {"end": self._end(), "pictures": pictures, "paused": self._paused, "paused_s": self._paused_s}
+        told |= {"reloaded": self._reloaded}
         return now, {**self._frames.data(trees, frames), **told, "over": self._over}
 
     def _end(self) -> dict[str, Any]:
@@ -156,8 +161,21 @@ class WatchedRun:
             return told_end(end, told, self._gave_up)
         last = self._frames.frames[-1] if self._frames.frames else {"tick": 0, "time": 0.0}
         at = max((last["tick"], last["time"]), (self._now.get("tick", 0), self._now.get("time", 0.0)))
-        is_, text = ("interrupted", "the trace breaks off here") if self._over else ("running", "running")
-        return {"text": text, "is": is_, "tick": at[0], "time": at[1]}
+        if self._over:
+            return {"text": "the trace breaks off here", "is": "interrupted", "tick": at[0], "time": at[1]}
+        paused = bool(self._paused)
+        return {
+            "text": "paused" if paused else "running",
+            "is": "running",
+            "paused": paused,
+            "tick": at[0],
+            "time": at[1],
+        }
+
+    @property
+    def _paused_s(self) -> float:
+        """For how long it has been paused, in wall time."""
+        return time.monotonic() - self._paused_at if self._paused else 0.0
 
     # The trace.
 

@@ -22,7 +22,7 @@ from mpvi_bt.report.told import Told
 from mpvi_bt.suite.manifest import FILE, read_manifest
 from mpvi_bt.suite.standing import spoken, under_way
 from mpvi_bt.suite.store import Store
-from mpvi_bt.trace.html import asset, embedded, filled
+from mpvi_bt.trace.html import embedded, filled, page_style
 from mpvi_bt.watch.feed import Feed
 from mpvi_bt.watch.page_requests import page_response
 from mpvi_bt.watch.watched_run import WatchedRun, file, waiting
@@ -191,5 +191,5 @@ def _stand(part: SuiteFolder, running: bool) -> dict[str, Any]:
 
 def suite_page(data: dict[str, Any]) -> str:
     """The page, with how the suite stands in it."""
-    script, style = file("suite.js"), "\n".join((asset("page.css"), file("suite.css")))
+    script, style = file("suite.js"), "\n".join((page_style(), file("suite.css")))
     return filled(file("suite.html"), data["suite"], script, style, "connect-src 'self'", embedded(data))

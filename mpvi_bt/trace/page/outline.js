@@ -23,6 +23,7 @@ const outline = {
     const row = {
       state: null,
       mark: part("mark", ""),
+      word: part("word", ""),
       time: part("time", ""),
       bar: part("bar", ""),
       feedback: part("feedback", ""),
@@ -31,8 +32,8 @@ const outline = {
     row.bar.append(part("", ""));
     row.line = make("div", { cls: `line ${node.family}`, on: (event) => this.clicked(event, node) }, [
       part("indent", ""), row.twist, row.mark,
-      ...(node.sign ? [part("sign", node.sign)] : []),
-      part("label", node.label), row.time, row.bar, row.feedback,
+      ...(node.sign ? [part("sign", named(node))] : []),
+      part("label", node.label), row.word, row.time, row.bar, row.feedback,
     ]);
     row.line.style.setProperty("--depth", node.depth);
     row.line.setAttribute("role", "treeitem");
@@ -74,7 +75,7 @@ const outline = {
         row.state = state;
         const { unicode, word } = marks[state.is];
         row.mark.textContent = unicode;
-        row.mark.title = word;
+        row.word.textContent = word;
         row.line.dataset.is = state.is;
         row.feedback.textContent = state.feedback ?? "";
         row.feedback.title = state.feedback ?? "";
@@ -169,3 +170,9 @@ const outline = {
     return true;
   },
 };
+
+// A sign with the kind of its node, unless the label says it.
+function named({ sign, kind, label }) {
+  const word = kind.replaceAll("_", " ");
+  return label.startsWith(word) ? sign : `${sign} ${word}`;
+}

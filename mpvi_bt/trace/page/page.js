@@ -140,7 +140,8 @@ function startPlayer() {
     strip.draw();
     seek(still.tick, { keep: true });
   };
-  window.addEventListener("resize", redraw);
+  let wide = 0; // not only a window that is resized makes it wider or narrower: a scrollbar does, too
+  new ResizeObserver(() => wide !== $("strip").clientWidth && ((wide = $("strip").clientWidth), redraw())).observe($("strip"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   window.addEventListener("hashchange", () => seek(address.tick() ?? still.tick));
   $("follow").checked = data.trees[0].length > 40;

@@ -55,7 +55,7 @@ class Playback {
     let failed = -1;
     for (const number of Object.keys(frame.nodes ?? {})) {
       const { path, depth } = nodes[number];
-      const now = frame.nodes[number].is;
+      const now = frame.nodes[number].ended ?? frame.nodes[number].is;
       if (!this.spans.has(path)) this.spans.set(path, []);
       const spans = this.spans.get(path);
       if (spans.length && spans.at(-1)[1] === now) continue;

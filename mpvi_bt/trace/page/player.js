@@ -19,9 +19,9 @@ function seek(tick, { keep = false } = {}) {
   $("clock").textContent = `tick ${still.tick} of ${play.lastTick}   ${time.toFixed(2)} s`;
   $("head").style.left = `${strip.left + (still.tick / Math.max(play.lastTick, 1)) * strip.width()}px`;
   const over = still.tick >= play.end.tick;
-  const { is, text } = over ? play.end : { is: "running", text: "running" };
+  const { is, text, paused } = over ? play.end : { is: "running", text: "running" };
   $("outcome").dataset.is = is;
-  $("outcome").textContent = `${marks[is].unicode} ${text}`;
+  $("outcome").textContent = `${paused ? "▮▮" : marks[is].unicode} ${text}`;
   $("why").hidden = !(over && play.end.why);
   if (!keep) address.set(still.tick);
 }
@@ -43,8 +43,7 @@ const player = {
 
   toggle() {
     this.running = !this.running;
-    $("play").textContent = this.running ? "⏸" : "▶";
-    $("play").setAttribute("aria-label", this.running ? "Pause" : "Play");
+    $("play").textContent = this.running ? "▮▮ Pause" : "▶ Play";
     if (!this.running) return address.set(still.tick);
     this.at = still.tick >= play.lastTick ? 0 : still.tick;
     this.last = performance.now();
@@ -117,10 +116,13 @@ const strip = {
         const from = this.x(play.frames[frame].tick);
         const until = this.x(k + 1 < spans.length ? play.frames[spans[k + 1][0]].tick : play.lastTick);
         const middle = (i + 0.5) * this.row;
+        if (is === "running") {
+          pen.fillStyle = colors[spans[k + 1]?.[1] ?? is]; // as it came out, as in reports
+          return pen.fillRect(from, middle - 5, Math.max(until - from, 1.5), 10);
+        }
         pen.fillStyle = colors[is];
-        if (is === "running") return pen.fillRect(from, middle - 5, Math.max(until - from, 1.5), 10);
-        pen.fillRect(from, middle - 5, 3, 10); // how it ended, and, thinly, that it stayed so
-        pen.globalAlpha = 0.35;
+        if (spans[k - 1]?.[1] !== "running") pen.fillRect(from, middle - 5, 3, 10); // it took no time
+        pen.globalAlpha = 0.35; // thinly, that it stayed so
         pen.fillRect(from, middle - 1, Math.max(until - from, 1.5), 2);
         pen.globalAlpha = 1;
       });

@@ -45,7 +45,7 @@ const live = {
     else seek(still.tick, { keep: true });
     this.redraw();
     for (const [name, serial] of Object.entries(news.pictures ?? {})) this.picture(name, serial);
-    if (this.controls) this.paused(news.paused, news.over);
+    if (this.controls) this.paused(news.paused, news.paused_s, news.over);
     if (this.reloading) this.reloaded(news.reloaded, news.over);
     if (news.end.is !== "running") this.connected("open", "the run is over");
   },
@@ -76,31 +76,48 @@ const live = {
 
   buildControls() {
     const button = (text, title, words) => {
-      const made = make("button", { text, title, on: () => this.say(words()) });
+      const made = make("button", { text, title, on: () => made.ariaDisabled === "true" || this.say(words()) });
       this.buttons.append(made);
       return made;
     };
     this.buttons = make("div", { cls: "buttons" });
-    this.pause = button("Pause", "Pause at the next tick", () => ({ pause: "" }));
+    this.stands = make("span", { cls: "pill" });
+    this.buttons.append(this.stands);
+    this.pause = button("▮▮ Pause", "Pause at the next tick", () => ({ pause: "" }));
     this.steps = [
-      button("Next change", "Go on to the next change", () => ({ line: "n" })),
-      button("Next tick", "Go on to the next tick", () => ({ line: "t" })),
-      button("Go on", "Go on to the next break", () => ({ line: "c" })),
-      button("Stop", "Stop the episode, as Ctrl-C does", () => ({ line: "q" })),
+      button("▸ Next change", "Go on to the next change", () => ({ line: "n" })),
+      button("⇥ Next tick", "Go on to the next tick", () => ({ line: "t" })),
+      button("▶ Go on", "Go on to the next break", () => ({ line: "c" })),
+      button("■ Stop", "Stop the episode, as Ctrl-C does", () => ({ line: "q" })),
     ];
-    this.breaks = button("Break at this node", "Pause where the node that is picked begins", () => ({ break: outline.picked }));
+    this.breaks = button("◉ Break at this node", "Pause where the node that is picked begins", () => ({ break: outline.picked }));
     this.said = make("pre", { cls: "said" });
+    this.said.setAttribute("aria-live", "polite");
     this.controls = make("section", { cls: "controls" }, [make("h2", { text: "Debugger" }), this.buttons, this.said]);
-    $("node").before(this.controls);
-    this.paused(data.live.paused, false);
+    $("player").before(this.controls);
+    this.paused(data.live.paused, data.live.paused_s, false);
+    setInterval(() => this.count(), 1000);
   },
 
-  paused(text, over) {
+  // A button that says nothing now keeps the focus, so that who steps by keys can go on.
+  paused(text, seconds, over) {
     this.controls.hidden = over;
-    this.said.textContent = text || "running";
+    if (text !== this.news) this.said.textContent = text;
+    this.news = text;
     this.controls.classList.toggle("paused", Boolean(text));
-    this.pause.disabled = Boolean(text);
-    for (const step of this.steps) step.disabled = !text;
+    this.since = text ? performance.now() - seconds * 1000 : null;
+    this.pause.ariaDisabled = String(Boolean(text));
+    for (const step of this.steps) step.ariaDisabled = String(!text);
+    this.count();
+  },
+
+  // Wall time: the simulated one stands still.
+  count() {
+    const waits = this.since !== null;
+    const seconds = waits ? Math.floor((performance.now() - this.since) / 1000) : 0;
+    const passed = seconds < 60 ? `${seconds} s` : `${Math.floor(seconds / 60)} min ${seconds % 60} s`;
+    this.stands.textContent = waits ? `▮▮ paused for ${passed}` : `${marks.running.unicode} running`;
+    this.stands.dataset.is = waits ? "idle" : "running";
   },
 
   async say(words, said = this.said) {
@@ -113,10 +130,10 @@ const live = {
   buildReload() {
     this.took = make("pre", { cls: "said" });
     const title = "What has changed in the file is put into the tree between two ticks; the rest goes on";
-    const take = make("button", { text: "Take its new text", title, on: () => this.say({ reload: "" }, this.took) });
+    const take = make("button", { text: "↻ Take its new text", title, on: () => this.say({ reload: "" }, this.took) });
     const buttons = make("div", { cls: "buttons" }, [take]);
     this.reloading = make("section", { cls: "controls" }, [make("h2", { text: "The tree's file" }), buttons, this.took]);
-    $("node").before(this.reloading);
+    $("player").before(this.reloading);
     this.reloaded(data.live.reloaded, false);
   },
 
