@@ -93,10 +93,11 @@ def test_the_file_of_a_suite_finds_where_its_results_are_put_by_default() -> Non
     ("word", "said"),
     [
         ("old", "old: holds results, but no manifest.json, which says of what suite they are. Name the suite or its"),
-        ("./runs", "runs: is not the folder of one suite's results. These are: runs/mine."),
+        ("./runs", "runs: is not the folder of one suite's results. These are: runs/mine, runs/trash10."),
         ("empty", "empty: holds no results of a suite."),
         ("mina", "unknown suite 'mina'. Did you mean 'mine'?"),
         ("trash11", "unknown suite 'trash11'. Did you mean 'trash10'?"),
+        ("zzz", "unknown suite 'zzz'. Known: ablation12, ablation6, behavior30, behavior30_expert, behavior50, lear"),
         ("a/gone.yaml", "a/gone.yaml: there is no such file."),
         ("a/mine.yaml", "a/mine.yaml: there is no such file. Results of a suite of that name are in runs/mine."),
         ("old/mina", "old/mina: there is no such file."),
@@ -106,11 +107,13 @@ def test_the_file_of_a_suite_finds_where_its_results_are_put_by_default() -> Non
 def test_what_names_no_results_is_told(word: str, said: str) -> None:
     """In one line, with what would be valid."""
     kept(Path("runs/mine"), "mine")
+    kept(Path("runs/trash10"))
     (kept(Path("old"), "mine").out / FILE).unlink()
     Path("empty").mkdir()
     with pytest.raises(UserError) as caught:
         SuiteFolder.named(word)
     assert str(caught.value).startswith(said)
+    assert str(caught.value).count("trash10") <= 1, "whether it was run or not"
 
 
 def test_a_suite_is_not_run_by_the_folder_of_its_results(capsys: pytest.CaptureFixture[str]) -> None:

@@ -92,7 +92,7 @@ def _meant(name: str) -> Path:
     try:
         return RUNS / paths.title(paths.find_or_file(FOLDER, name, "suite"))
     except UnknownName as error:
-        raise UnknownName("suite", name, [*error.known, *(folder.name for folder in _below(RUNS))]) from None
+        raise UnknownName("suite", name, {*error.known, *(folder.name for folder in _below(RUNS))}) from None
     except UserError as error:
         there = RUNS / own.stem
         if paths.is_file(there / MANIFEST):
