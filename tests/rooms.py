@@ -18,7 +18,7 @@ BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
 # one line do not know each other.
 ORDER = (
     ("errors",),
-    ("yaml_reader", "compiled", "import_paths"),
+    ("yaml_reader", "compiled", "import_paths", "standard_streams"),
     ("file_kinds",),
     ("robot", "paths", "marked_yaml", "writing", "proxies"),
     ("extras", "cost"),

@@ -5,6 +5,7 @@ The table is static and the help needs no library, so that `mpvi --help` costs h
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Sequence
@@ -75,9 +76,13 @@ def main(args: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if args is None else args)
     if words in ([], ["-h"], ["--help"]) and "_MPVI_COMPLETE" not in os.environ:  # tab completion passes no words
-        print(help_text(), end="")
-        sys.exit(0 if words else 2)
+        with contextlib.suppress(OSError):  # nobody takes it: told below
+            print(help_text(), end="", flush=True)
+            sys.exit(0 if words else 2)
     try:
+        from mpvi_bt.standard_streams import keep_stdout
+
+        keep_stdout()
         from mpvi_bt.cli.group import run
 
         sys.exit(run(words))

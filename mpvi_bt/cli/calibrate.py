@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from mpvi_bt.drawing.terminal import give, tell
+
 
 @click.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
@@ -29,7 +31,6 @@ def calibrate(folder: Path, alpha: float, out: Path | None, as_json: bool) -> No
 
     FOLDER holds the results of runs with --unit monitored or --unit intervene, by one policy on one robot.
     """
-    from mpvi_bt.drawing.terminal import give
     from mpvi_bt.episode.handoffs import read_handoffs
     from mpvi_bt.monitors.calibration import calibrate, fewest_runs
 
@@ -39,7 +40,7 @@ def calibrate(folder: Path, alpha: float, out: Path | None, as_json: bool) -> No
     known.write(path)
     skills = {name: levels.runs for name, levels in known.skills.items()}
     if as_json:
-        click.echo(json.dumps({"out": str(path), "alpha": alpha, "calibrated": skills, "too_few": short}, indent=2))
+        tell(json.dumps({"out": str(path), "alpha": alpha, "calibrated": skills, "too_few": short}, indent=2))
         return
     lines = [f"{name}: {runs} handoffs that went well" for name, runs in skills.items()]
     lines += [f"{name}: not calibrated, {runs} of {fewest_runs(alpha)} handoffs" for name, runs in short.items()]

@@ -9,6 +9,7 @@ import click
 
 from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.given import File
+from mpvi_bt.drawing.terminal import tell
 from mpvi_bt.marked_yaml import MAX_PROBLEMS
 
 
@@ -36,10 +37,10 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     checked = check_files(files, task, text)
     problems, texts = checked.problems, {STDIN: text}
     if as_json:
-        click.echo(show.as_json(problems, checked.files, texts))
+        tell(show.as_json(problems, checked.files, texts))
     else:
         for line in show.as_text(problems, texts):
-            click.echo(line)
+            tell(line)
         notes = sum(p.severity == "note" for p in problems)
         click.echo(_summary(checked.files, len(problems) - notes, notes), err=True)
         if max(Counter(p.file for p in problems).values(), default=0) >= MAX_PROBLEMS:

@@ -10,7 +10,7 @@ import click
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File
 from mpvi_bt.cli.setting_options import settings
-from mpvi_bt.drawing.terminal import give
+from mpvi_bt.drawing.terminal import give, tell
 from mpvi_bt.writing import write_whole
 
 if TYPE_CHECKING:
@@ -36,6 +36,6 @@ def compile_(plan: str, on_failure: str, drive: Drive, out: str | None, as_json:
     if out is not None:
         write_whole(out, text)
     if as_json:
-        click.echo(json.dumps({"yaml": text, "out": out}))
+        tell(json.dumps({"yaml": text, "out": out}))
     elif out is None:
         give(text)

@@ -13,7 +13,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File
-from mpvi_bt.drawing.terminal import give
+from mpvi_bt.drawing.terminal import give, tell
 from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.writing import unwritable, write_whole
 
@@ -62,7 +62,7 @@ def convert(
         if target == "yaml":
             told |= {"subtrees": made.subtrees, "module": made.module}
         told |= {"out": out, "files": files, "warnings": [vars(p) for p in made.warnings]}
-        click.echo(json.dumps(told, indent=2))
+        tell(json.dumps(told, indent=2))
         return
     if out is None:
         give(made.files[""])

@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from mpvi_bt.drawing.terminal import tell
+
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
@@ -79,15 +81,15 @@ def dataset(
     reached = [episode for episode in found if every or episode.about.success]
     taken = reached if prompts is None else [episode.told_as_in(prompts) for episode in reached]
 
-    def tell(what: str, number: int, episode: Demonstrated) -> None:
+    def note(what: str, number: int, episode: Demonstrated) -> None:
         click.echo(f"{what} {number + 1}/{len(taken)}  {episode.folder.name}  {episode.about.frames} frames", err=True)
 
-    write_dataset(taken, out, DatasetForm(**form), tell)
+    write_dataset(taken, out, DatasetForm(**form), note)
     frames = sum(episode.about.frames for episode in taken)
     if as_json:
         left = [str(episode.folder) for episode in found if episode not in reached]
         said = {"dataset": str(out), "episodes": len(taken), "frames": frames, "left_out": left}
-        click.echo(json.dumps(said | form, indent=1, ensure_ascii=False))
+        tell(json.dumps(said | form, indent=1, ensure_ascii=False))
         return
     without = f"; {len(found) - len(taken)} that missed their goal left out" if len(found) > len(taken) else ""
-    click.echo(f"{out}: {len(taken)} episodes, {frames} frames{without}")
+    tell(f"{out}: {len(taken)} episodes, {frames} frames{without}")

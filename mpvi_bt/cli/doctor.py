@@ -18,7 +18,7 @@ import click
 from mpvi_bt import __version__, paths
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.colors import wants_color
-from mpvi_bt.drawing.terminal import draw
+from mpvi_bt.drawing.terminal import draw, results, tell
 from mpvi_bt.errors import MpviError, UserError
 from mpvi_bt.extras import install
 from mpvi_bt.language.endpoint import BASE_URL, EXPOSED, base_url
@@ -78,22 +78,22 @@ def doctor(as_json: bool) -> int:
     healthy = all(check.ok for check in checks if check.core)
     if as_json:
         machine = {"system": platform.platform(), "cpus": os.cpu_count(), "mpvi_bt": __version__}
-        click.echo(json.dumps({"ok": healthy, "machine": machine, "checks": [asdict(c) for c in checks]}, indent=2))
+        tell(json.dumps({"ok": healthy, "machine": machine, "checks": [asdict(c) for c in checks]}, indent=2))
     else:
-        click.echo(f"mpvi_bt {__version__} on {platform.platform()}, {os.cpu_count()} CPUs")
+        tell(f"mpvi_bt {__version__} on {platform.platform()}, {os.cpu_count()} CPUs")
         for check in checks:
             _show(check)
-        click.echo("Episodes can run here." if healthy else "Episodes cannot run here yet.")
+        tell("Episodes can run here." if healthy else "Episodes cannot run here yet.")
     return 0 if healthy else 3
 
 
 def _show(check: Check) -> None:
     word, color = ("ok", "green") if check.ok else ("missing", "red") if check.core else ("missing", "yellow")
     word = f"{word:8}"
-    word = click.style(word, fg=color) if wants_color(sys.stdout) else word
-    draw(sys.stdout, f"  {word} {check.name:10} {one_line(check.found)}\n")
+    word = click.style(word, fg=color) if wants_color(results()) else word
+    draw(results(), f"  {word} {check.name:10} {one_line(check.found)}\n")
     if check.mend:
-        click.echo(f"{'':22}-> {check.mend}")
+        tell(f"{'':22}-> {check.mend}")
 
 
 def _mend(target: str, otherwise: str) -> str:

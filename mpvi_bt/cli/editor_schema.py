@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from mpvi_bt.drawing.terminal import tell
+
 
 @click.command()
 @click.argument("what", type=click.Choice(["tree", "rules"]), default="tree")
@@ -23,4 +25,4 @@ def schema(what: str, nodes: tuple[str, ...]) -> None:
     if nodes and what != "tree":
         raise click.UsageError("--nodes is of the schema of trees.")
     own = [node for given in nodes for node in own_nodes(Path(given).name, Path(given).parent)]
-    click.echo(schema_text(what, own), nl=False)
+    tell(schema_text(what, own), nl=False)

@@ -10,6 +10,7 @@ import click
 
 from mpvi_bt.cli.given import Name, check_writable, out_folder
 from mpvi_bt.cli.status import Status
+from mpvi_bt.drawing.terminal import tell
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
 if TYPE_CHECKING:
@@ -84,12 +85,12 @@ def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_
     finally:
         progress.clear()
     if as_json:
-        click.echo(json.dumps([{"ended": rollout.ended, **rollout.result} for rollout in rollouts], indent=2))
+        tell(json.dumps([{"ended": rollout.ended, **rollout.result} for rollout in rollouts], indent=2))
     else:
         for rollout in rollouts:
             for condition in rollout.goal.conditions:
-                click.echo(f"  {'x' if condition.satisfied else ' '} {condition.text}")
-            click.echo(f"{rollout.task}, instance {rollout.instance}: q = {rollout.goal.q:.3f}, {rollout.ended}")
+                tell(f"  {'x' if condition.satisfied else ' '} {condition.text}")
+            tell(f"{rollout.task}, instance {rollout.instance}: q = {rollout.goal.q:.3f}, {rollout.ended}")
     return 0 if all(rollout.goal.satisfied for rollout in rollouts) else 1
 
 

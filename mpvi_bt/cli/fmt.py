@@ -14,7 +14,7 @@ import click
 from mpvi_bt.authoring.checking import STDIN, below
 from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.given import File
-from mpvi_bt.drawing.terminal import give
+from mpvi_bt.drawing.terminal import give, tell
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
@@ -100,7 +100,7 @@ def _report(
 ) -> None:
     if as_json:
         found: list[dict[str, Any]] = json.loads(show.as_json(problems, count, texts))["problems"]
-        click.echo(json.dumps({"changed": changed, "files": count, "problems": found}, indent=2))
+        tell(json.dumps({"changed": changed, "files": count, "problems": found}, indent=2))
         return
     for line in show.as_text(problems, texts):
         click.echo(line, err=True)

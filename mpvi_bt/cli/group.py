@@ -16,7 +16,7 @@ import click
 from mpvi_bt import __version__
 from mpvi_bt.cli import COMMANDS, INTERRUPTED, NOBODY_READS, help_text
 from mpvi_bt.cli.examples import with_examples
-from mpvi_bt.drawing.terminal import guarded
+from mpvi_bt.drawing.terminal import guarded, results_alone, tell
 from mpvi_bt.errors import FileProblems, MpviError, NodeError, UnknownName, UserError
 from mpvi_bt.writing import unwritable
 
@@ -45,7 +45,7 @@ class LazyGroup(click.Group):
         module, function = COMMANDS[cmd_name][0].split(":")
         command = getattr(importlib.import_module(module), function)
         assert isinstance(command, click.Command)
-        return with_examples(command, cmd_name)
+        return _keeping_results(with_examples(command, cmd_name))
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command. Raises what it raises, a broken pipe by a name that click does not know."""
@@ -57,6 +57,16 @@ class LazyGroup(click.Group):
     def get_help(self, ctx: click.Context) -> str:
         """The same text that `mpvi --help` prints without click."""
         return help_text()
+
+
+def _keeping_results(command: click.Command) -> click.Command:
+    """The command, and those of a group: while one runs, the standard output is for results alone."""
+    if command.callback is not None and not vars(command).get("keeps_results"):
+        command.callback = results_alone()(command.callback)
+        vars(command)["keeps_results"] = True
+    for inner in getattr(command, "commands", {}).values():
+        _keeping_results(inner)
+    return command
 
 
 @click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -115,7 +125,7 @@ def _failed(args: list[str], error: MpviError) -> int:
         if isinstance(error, FileProblems):
             told |= {"problems": [vars(problem) for problem in error.problems]}
         with contextlib.suppress(OSError):
-            click.echo(json.dumps({"error": told}, indent=2))
+            tell(json.dumps({"error": told}, indent=2))
     return error.exit_code
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.drawing.cells import WIDTH, cut, one_line
+from mpvi_bt.drawing.terminal import size, tell
 from mpvi_bt.errors import UserError
 
 FOLDERS = {
@@ -35,28 +35,28 @@ def list_(what: str, whole: bool, as_json: bool) -> None:
     others = {"backends": _backends, "objects": _objects, "families": _families}
     lines = others[what]() if what in others else _files(FOLDERS[what])
     if as_json:
-        click.echo(json.dumps(lines, indent=2))
+        tell(json.dumps(lines, indent=2))
         return
     _print(lines, whole or what in ("backends", "families"))
 
 
 def _print(lines: dict[str, str], whole: bool) -> None:
     """A line each, as wide as the terminal; or the whole of each, wrapped."""
-    name_width, width = max(map(len, lines), default=0), shutil.get_terminal_size((WIDTH, 24)).columns
+    name_width, width = max(map(len, lines), default=0), size().columns
     for name, line in lines.items():
         first, rest = f"{name:{name_width}}  ", " " * (name_width + 2)
         line = line.strip()
         if whole:
             wrapped = textwrap.wrap(line, WIDTH, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
-            click.echo("\n".join(wrapped) or name)
+            tell("\n".join(wrapped) or name)
         else:
-            click.echo(cut(f"{first}{one_line(line)}".rstrip(), width))
+            tell(cut(f"{first}{one_line(line)}".rstrip(), width))
 
 
 def _print_nodes(as_json: bool) -> None:
     nodes = _nodes()
     if as_json:
-        click.echo(json.dumps(nodes, indent=2))
+        tell(json.dumps(nodes, indent=2))
         return
     lines = {}
     for kind, about in nodes.items():

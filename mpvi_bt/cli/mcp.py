@@ -12,7 +12,9 @@ import click
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import check_writable, out_folder
 from mpvi_bt.cli.given import serve as serving
+from mpvi_bt.drawing.terminal import results
 from mpvi_bt.errors import UserError
+from mpvi_bt.standard_streams import stdout_given_back
 
 if TYPE_CHECKING:
     from mpvi_bt.watch.address import Address
@@ -42,7 +44,8 @@ def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
         server = make_server(Tools(runs, allow_motion))
         try:
             if serve is None:
-                server.run("stdio")
+                with stdout_given_back(results()):  # the SDK keeps it for the protocol alone
+                    server.run("stdio")
             else:
                 _over_http(server, serve)
         except KeyboardInterrupt:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from mpvi_bt.cli.given import File, Finite
+from mpvi_bt.drawing.terminal import tell
 
 if TYPE_CHECKING:
     from mpvi_bt.authoring.skeletons import Skeleton
@@ -181,7 +182,7 @@ def _write(
     commands = [*([export] if export else []), *(command.replace("ROOT/", below) for command in skeleton.next)]
     if as_json:
         told = {"written": [str(path) for path in written], "next": commands, "remarks": remarks}
-        click.echo(json.dumps(told, indent=2))
+        tell(json.dumps(told, indent=2))
         return
     for line in (*(f"wrote {path}" for path in written), *remarks, "next:", *(f"  {c}" for c in commands)):
-        click.echo(line)
+        tell(line)

@@ -12,6 +12,7 @@ import click
 from mpvi_bt.choices.config import ASKING, EpisodeConfig
 from mpvi_bt.cli.given import File
 from mpvi_bt.cli.setting_options import settings
+from mpvi_bt.drawing.terminal import tell
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import write_whole
 
@@ -73,9 +74,9 @@ def plan(
     for line in told(planned.doubts):
         click.echo(f"mpvi: {line}", err=True)
     if as_json:
-        click.echo(json.dumps(_all(planned, maker.name, out), indent=2))
+        tell(json.dumps(_all(planned, maker.name, out), indent=2))
     elif out is None:
-        click.echo(text, nl=False)
+        tell(text, nl=False)
 
 
 def _all(planned: Planned, planner: str, out: Path | None) -> dict[str, Any]:
@@ -116,6 +117,6 @@ def _export(tasks: Sequence[str], file: Path, as_json: bool) -> None:
     lines = list(chats([(plan, grounds.get(plan.task_name)) for plan in plans], load_skills()))
     write_whole(file, "".join(f"{line}\n" for line in lines))
     if as_json:
-        click.echo(json.dumps({"out": str(file), "chats": len(lines)}))
+        tell(json.dumps({"out": str(file), "chats": len(lines)}))
     else:
         click.echo(f"mpvi: {len(lines)} chats", err=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import click
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File, arguments, complete_param
 from mpvi_bt.drawing.cells import WIDEST, WIDTH
-from mpvi_bt.drawing.terminal import give
+from mpvi_bt.drawing.terminal import give, results, size
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import write_whole
 
@@ -95,7 +94,7 @@ def render(
     form = form or (_guessed(out) if out and not as_json else "ascii")
     picture = _picture(tree, tick, arguments(params))
     if width is None:
-        width = min(shutil.get_terminal_size().columns, WIDEST) if out is None and sys.stdout.isatty() else WIDTH
+        width = min(size().columns, WIDEST) if out is None and results().isatty() else WIDTH
     text = json.dumps(_described(picture), indent=2) if as_json else _drawn(picture, form, width)
     if out is None:
         give(text + "\n")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import sys
 import termios
 import tty
@@ -19,7 +18,7 @@ from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.cells import WIDEST, WIDTH, cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.symbols import legend
-from mpvi_bt.drawing.terminal import draw
+from mpvi_bt.drawing.terminal import draw, results, size, tell
 from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.trace.lines import Tick
 from mpvi_bt.trace.read import Trace, read_trace
@@ -57,26 +56,26 @@ def replay(trace: str, tick: int | None, unicode: bool, as_json: bool) -> None:
         _print_json(run, tick)
     elif tick is not None:
         for line in _at(run, tick, unicode):
-            click.echo(line)
-    elif sys.stdin.isatty() and sys.stdout.isatty() and obeys_escapes():
+            tell(line)
+    elif sys.stdin.isatty() and results().isatty() and obeys_escapes():
         Player(run, unicode).play()
     else:
         for line in _changes(run, unicode):
-            click.echo(line)
+            tell(line)
 
 
 def _print_json(trace: Trace, tick: int | None) -> None:
     if tick is not None:
-        click.echo(json.dumps(_held(trace, tick), indent=2))
+        tell(json.dumps(_held(trace, tick), indent=2))
         return
-    click.echo("[", nl=False)
+    tell("[", nl=False)
     for i, change in enumerate(trace.ticks):
         shown = dict(vars(change))
         shown["nodes"] = {path: vars(state) for path, state in change.nodes.items()}
         for name in ("queries", "notices", "replans"):
             shown[name] = [asdict(entry) for entry in shown[name]]
-        click.echo((",\n " if i else "\n ") + json.dumps(shown), nl=False)
-    click.echo("\n]")
+        tell((",\n " if i else "\n ") + json.dumps(shown), nl=False)
+    tell("\n]")
 
 
 def _held(trace: Trace, tick: int) -> dict[str, Any]:
@@ -161,7 +160,7 @@ class Player:
 
     def __init__(self, trace: Trace, unicode: bool = False) -> None:
         self._trace, self._unicode = trace, unicode
-        self._colored = wants_color(sys.stdout)
+        self._colored = wants_color(results())
         self.i = min(0, len(trace.ticks) - 1)
 
     def play(self) -> None:
@@ -169,17 +168,17 @@ class Player:
         keyboard = sys.stdin.fileno()
         before = termios.tcgetattr(keyboard)
         tty.setcbreak(keyboard)  # all the time, unlike click.getchar: keys typed while it draws are not lost
-        draw(sys.stdout, "\x1b[?1049h\x1b[?25l")  # another screen, no cursor
+        draw(results(), "\x1b[?1049h\x1b[?25l")  # another screen, no cursor
         try:
             while True:
-                screen = "\x1b[K\n".join(self.screen(shutil.get_terminal_size()))
-                draw(sys.stdout, f"\x1b[H{screen}\x1b[K\x1b[J")
+                screen = "\x1b[K\n".join(self.screen(size()))
+                draw(results(), f"\x1b[H{screen}\x1b[K\x1b[J")
                 for key in _KEY.findall(os.read(keyboard, 64).decode(errors="replace")) or ["q"]:  # nothing: hung up
                     if key == "q":
                         return
                     self.press(key)
         finally:
-            draw(sys.stdout, "\x1b[?25h\x1b[?1049l")
+            draw(results(), "\x1b[?25h\x1b[?1049l")
             termios.tcsetattr(keyboard, termios.TCSADRAIN, before)
 
     def press(self, key: str) -> None:

@@ -26,6 +26,7 @@ from mpvi_bt.cli.given import (
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.cli.setting_options import settings, shared
 from mpvi_bt.compiled import compiling
+from mpvi_bt.drawing.terminal import results, tell
 from mpvi_bt.errors import BackendError, NodeError, UserError
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def run(
     debugs = bool(breaks or step)
     watchers: list[Subscriber] = [last := Last()]
     if watch:
-        live = LiveTree(sys.stderr if as_json else sys.stdout, stem, unicode, redraw=not debugs)
+        live = LiveTree(sys.stderr if as_json else results(), stem, unicode, redraw=not debugs)
         live.show(prepared.spec)  # the world takes a moment
         watchers.append(live)
     compiling.told = partial(live.wait if watch else _note, _COMPILING)
@@ -246,9 +247,9 @@ def _episode(
     result = run_episode(config, watchers, prepared, stop)
     write_result(path, result)
     if as_json:
-        click.echo(json.dumps(result, indent=2))
+        tell(json.dumps(result, indent=2))
     else:
-        click.echo(f"{score(result, config.trace, _left(config))}\n  result    {path}")
+        tell(f"{score(result, config.trace, _left(config))}\n  result    {path}")
     if result["ended"] == "interrupted":
         return INTERRUPTED
     if result["ended"] == "backend_error":
@@ -285,9 +286,9 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
 
 def _tell(result: dict[str, Any], config: EpisodeConfig, dry: bool, as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps(result, indent=2))
+        tell(json.dumps(result, indent=2))
     else:
-        click.echo(brief_score(result, dry, config.trace, _left(config)))
+        tell(brief_score(result, dry, config.trace, _left(config)))
 
 
 def _left(config: EpisodeConfig) -> Path | None:

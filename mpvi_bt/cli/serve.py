@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import signal
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from mpvi_bt.choices.config import ASKING, METHOD, EpisodeConfig
 from mpvi_bt.cli.given import BackendType, Name, arguments, check_writable, complete_param, given_here, out_folder
 from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.cli.status import Status
+from mpvi_bt.drawing.terminal import tell
 from mpvi_bt.errors import PolicyError, UserError
 
 if TYPE_CHECKING:
@@ -185,8 +185,7 @@ async def _until_stopped(server: SocketServer, host: str, port: int, status: Sta
         address = f"ws://{f'[{host}]' if ':' in host else host}:{server.port}"
         status.say(f"serving {server.name} at {address}; Ctrl-C ends it")
         if as_json:
-            click.echo(json.dumps({"policy": server.name, "address": address, "port": server.port}))
-            sys.stdout.flush()
+            tell(json.dumps({"policy": server.name, "address": address, "port": server.port}))
         while not stop.is_set():
             status.draw(server.metrics.summary())
             with contextlib.suppress(TimeoutError):
@@ -195,5 +194,5 @@ async def _until_stopped(server: SocketServer, host: str, port: int, status: Sta
     if as_json:
         counts = server.metrics
         told = {"clients": counts.connections, "answers": counts.inferences, "errors": dict(counts.errors)}
-        click.echo(json.dumps(told))
+        tell(json.dumps(told))
     status.say(f"ended: {server.metrics.summary()}")

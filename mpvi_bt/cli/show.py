@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mpvi_bt.drawing.terminal import tell
 from mpvi_bt.errors import UnknownName, UserError
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
             if info.example is not None:
                 draw(info.example, page.with_suffix("") / f"{info.name}.jpg", _SMALL)
         _write(page, family_page(catalogue, page.stem).encode())
-        click.echo(f"wrote {page}")
+        tell(f"wrote {page}")
         return
     assert name is not None
     entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
@@ -62,7 +63,7 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
         _keep(_house(name), out)
     else:
         draw(entry, out)
-    click.echo(f"wrote {out}")
+    tell(f"wrote {out}")
 
 
 def draw(entry: CatalogueEntry, path: Path, size: tuple[int, int] = _LARGE) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import shutil
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,7 +18,7 @@ from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import Columns, File, Name, arguments
 from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.cli.setting_options import settings, shared
-from mpvi_bt.drawing.cells import WIDTH
+from mpvi_bt.drawing.terminal import size, tell
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.report.told import Told
 
@@ -178,7 +177,7 @@ def run(
         if page is not None:
             page.close()
     part = SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)
-    click.echo(Told.of([part]).told(as_json, _width()))
+    tell(Told.of([part]).told(as_json, _width()))
     return BackendError.exit_code if outcome.faults else 0
 
 
@@ -215,24 +214,24 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
     if as_json:
         _print_json(data)
         return
-    click.echo(f"{title}: {_line(data)}" + (", a run is at work now" if data["running"] else ""))
+    tell(f"{title}: {_line(data)}" + (", a run is at work now" if data["running"] else ""))
     _print_at_work(data)
     for way, stand in data.get("methods", {}).items():
-        click.echo(f"  {way}: {_line(stand)}")
+        tell(f"  {way}: {_line(stand)}")
     if 0 < len(to_do) <= _NAMED:
-        click.echo("to do: " + ", ".join(data["to_do"]))
+        tell("to do: " + ", ".join(data["to_do"]))
     elif to_do:
         left = Counter(c.task_name for c in to_do)
-        click.echo("to do: " + ", ".join(f"{task} {number}" for task, number in left.items()))
+        tell("to do: " + ", ".join(f"{task} {number}" for task, number in left.items()))
     for config, fault in faults.items():
-        click.echo(f"{spoken(config)}: {fault.kind}: {fault.message}")
+        tell(f"{spoken(config)}: {fault.kind}: {fault.message}")
 
 
 def _print_at_work(data: Mapping[str, Any]) -> None:
     from mpvi_bt.suite.progress import at_work_text
 
     for work in data["at_work"]:
-        click.echo(at_work_text(work["worker"], work["episode"], work["since_s"], work["expected_s"]))
+        tell(at_work_text(work["worker"], work["episode"], work["since_s"], work["expected_s"]))
 
 
 def _stand(
@@ -297,9 +296,7 @@ def report(
         if file is not None:
             chosen = (columns,) if columns is not None and kind in ("csv", "latex") else ()
             written += getattr(told, f"write_{kind}")(file, *chosen)
-    click.echo(
-        told.told(as_json, _width()) if as_json or not written else "\n".join(f"wrote {path}" for path in written)
-    )
+    tell(told.told(as_json, _width()) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 
 def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> list[EpisodeConfig]:
@@ -315,8 +312,8 @@ def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> 
 
 def _width() -> int:
     """Columns of the terminal, or what a pipe is given."""
-    return shutil.get_terminal_size((WIDTH, 24)).columns
+    return size().columns
 
 
 def _print_json(data: Any) -> None:
-    click.echo(json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))
+    tell(json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))

@@ -8,6 +8,7 @@ import json
 import click
 
 from mpvi_bt.cli.given import File
+from mpvi_bt.drawing.terminal import tell
 from mpvi_bt.trace.diff import diff, difference_text
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text
@@ -23,7 +24,7 @@ def explain_(trace: str, as_json: bool) -> None:
     TRACE is a file that `mpvi run` wrote beside its result, NAME.trace.jsonl.
     """
     explanation = explain(read_trace(trace))
-    click.echo(json.dumps(dataclasses.asdict(explanation), indent=2) if as_json else explanation_text(explanation))
+    tell(json.dumps(dataclasses.asdict(explanation), indent=2) if as_json else explanation_text(explanation))
 
 
 @click.command(name="diff")
@@ -37,7 +38,7 @@ def diff_(a: str, b: str, as_json: bool) -> int:
     """
     difference = diff(read_trace(a), read_trace(b))
     if as_json:
-        click.echo(json.dumps({"same": difference.same, **dataclasses.asdict(difference)}, indent=2))
+        tell(json.dumps({"same": difference.same, **dataclasses.asdict(difference)}, indent=2))
     else:
-        click.echo(difference_text(difference, (a, b)))
+        tell(difference_text(difference, (a, b)))
     return 0 if difference.same else 1

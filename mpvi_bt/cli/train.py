@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from mpvi_bt.drawing.terminal import tell
+
 
 @click.group()
 def train() -> None:
@@ -50,16 +52,16 @@ def learned(
         frames = read_frames(folder, skill, lambda line: click.echo(line, err=True))
         job = Training(frames, seed, actor_steps or ACTOR_STEPS, proposer_steps or PROPOSER_STEPS, device)
 
-        def tell(row: dict[str, Any], skill: str = skill) -> None:
+        def note(row: dict[str, Any], skill: str = skill) -> None:
             figures = ", ".join(f"{k} {v:g}" for k, v in row.items() if k not in ("network", "step", "of"))
             click.echo(f"{skill} {row['network']} {row['step']}/{row['of']}: {figures}", err=True)
 
-        networks[skill] = train_networks(job, out.with_suffix(f".{skill}.pt"), tell)
+        networks[skill] = train_networks(job, out.with_suffix(f".{skill}.pt"), note)
         about[skill] = {"demonstrations": int(frames.episode[-1]) + 1, "frames": len(frames.look), "seed": seed,
                         "actor_steps": job.actor_steps, "proposer_steps": job.proposer_steps}  # fmt: skip
         out.with_suffix(f".{skill}.json").write_text(json.dumps(job.curves, indent=1), encoding="utf-8")
     Weights(BODY.name, networks, about).save(out)
     if as_json:
-        click.echo(json.dumps({"weights": str(out), "skills": about}))
+        tell(json.dumps({"weights": str(out), "skills": about}))
         return
-    click.echo(f"{out}: {', '.join(networks)}, {out.stat().st_size / 1e6:.1f} MB")
+    tell(f"{out}: {', '.join(networks)}, {out.stat().st_size / 1e6:.1f} MB")

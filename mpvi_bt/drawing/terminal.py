@@ -3,17 +3,22 @@
 While a command runs, `guarded` filters its output: everything printed goes through `cells.harmless`, whether to a
 terminal or a pipe. There are two exceptions: `draw` for our own colors and cursor moves, and `give` for unchanged data
 to programs.
+
+The standard output is for results: `tell`, `give`, and `draw` to `results()`. Within `results_alone` what is printed
+otherwise, such as by a user's part, goes to standard error.
 """
 
 from __future__ import annotations
 
 import codecs
+import contextlib
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO, cast
 
-from mpvi_bt.drawing.cells import escape, harmless
+from mpvi_bt.drawing.cells import WIDTH, escape, harmless
 from mpvi_bt.errors import bounded
 
 _ESCAPED = "mpvi_bt.escaped"  # what becomes of characters that an encoding lacks
@@ -32,7 +37,8 @@ class GuardedStream:
 
     Args:
         stream: Where to.
-        short: Whether lines are kept short: no diagnosis needs a screen full.
+        short: Whether lines are kept short, as no diagnosis needs a screen full, and lost where nobody takes them: that
+            is no reason to end a run.
     """
 
     encoding = "utf-8"  # any text will do; where the stream says ASCII, click would write past us
@@ -42,8 +48,14 @@ class GuardedStream:
 
     def write(self, text: str) -> int:
         """Write it."""
-        self.stream.write(_encodable(harmless(bounded(text) if self._short else text), self.stream))
+        with contextlib.suppress(*([OSError] if self._short else [])):
+            self.stream.write(_encodable(harmless(bounded(text) if self._short else text), self.stream))
         return len(text)
+
+    def flush(self) -> None:
+        """Hand on what is written."""
+        with contextlib.suppress(*([OSError] if self._short else [])):
+            self.stream.flush()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
@@ -64,6 +76,43 @@ def guarded() -> Iterator[None]:
         sys.stdout, sys.stderr = before
 
 
+_results: TextIO | None = None
+
+
+@contextmanager
+def results_alone() -> Iterator[None]:
+    """Keep the standard output for results: what is printed otherwise goes to standard error meanwhile."""
+    global _results
+    before = sys.stdout, _results
+    _results, sys.stdout = results(), sys.stderr
+    try:
+        yield
+    finally:
+        sys.stdout, _results = before
+
+
+def results() -> TextIO:
+    """Where results go: the standard output."""
+    return sys.stdout if _results is None else _results
+
+
+def size() -> os.terminal_size:
+    """Columns and lines of the terminal that results go to, or as COLUMNS and LINES say; else 80 by 24."""
+    columns, lines = WIDTH, 24
+    with contextlib.suppress(OSError, ValueError):
+        columns, lines = os.get_terminal_size(results().fileno())
+    given = [os.environ.get(name, "") for name in ("COLUMNS", "LINES")]
+    told = [int(text) if text.isdecimal() else 0 for text in given]
+    return os.terminal_size((told[0] or columns or WIDTH, told[1] or lines or 24))
+
+
+def tell(text: str = "", nl: bool = True) -> None:
+    """Write text of a result, and the end of its line unless `nl` is false."""
+    stream = results()
+    stream.write(text + "\n" * nl)
+    stream.flush()
+
+
 def draw(stream: TextIO, text: str) -> None:
     """Write text with our own escape sequences in it. All that is not ours went through `cells.one_line` before."""
     stream = _behind(stream)
@@ -73,7 +122,7 @@ def draw(stream: TextIO, text: str) -> None:
 
 def give(text: str) -> None:
     """Write data to the standard output: to a program as they are, to a terminal so that it obeys nothing in them."""
-    stream = _behind(sys.stdout)
+    stream = _behind(results())
     draw(stream, harmless(text) if stream.isatty() else text)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import time
 from collections.abc import Iterable
 from typing import TextIO
@@ -12,6 +11,7 @@ from mpvi_bt.drawing.cells import WIDTH, cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.symbols import legend
 from mpvi_bt.drawing.terminal import draw
+from mpvi_bt.drawing.terminal import size as terminal_size
 from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
@@ -105,7 +105,7 @@ class LiveTree:
             self._write([*lines, *filter(None, [where(spec, states, WIDTH)]), how])
 
     def _redraw(self, spec: TreeSpec, states: dict[str, NodeState], status: str, whole: bool = False) -> None:
-        size = shutil.get_terminal_size((WIDTH, 24))
+        size = terminal_size()
         width = min(size.columns, WIDTH)
         head = f"{self._title}  {status}" if self._title else status
         below = [*filter(None, [where(spec, states, width)]), cut(legend(self._unicode), width)]

@@ -10,6 +10,8 @@ import json
 import os
 import sys
 
+from mpvi_bt.standard_streams import keep_stdout
+
 CONTEXT = 8192  # tokens of question and answer: what SmolLM2 was trained on; a question takes some 3000
 LONGEST_ANSWER = 2048  # tokens; Our choice: small models may repeat themselves for ever. A segment takes some 60
 _MOST_THREADS = 8  # Our choice: more gain little with small models
@@ -17,8 +19,7 @@ _MOST_THREADS = 8  # Our choice: more gain little with small models
 
 def main(file: str) -> None:
     """Serve `file` until standard input ends."""
-    told = os.fdopen(os.dup(1), "w")  # what llama.cpp prints is not for who started us
-    os.dup2(2, 1)
+    told = keep_stdout()  # what llama.cpp prints is not for who started us
     try:
         import xllamacpp
 

@@ -11,6 +11,8 @@ import os
 import sys
 import time
 
+from mpvi_bt.standard_streams import keep_stdout
+
 
 def physics() -> str:
     """Let a box fall for a second of simulated time."""
@@ -131,5 +133,6 @@ def picture() -> str:
 
 if __name__ == "__main__":
     probes = {"physics": physics, "vulkan": vulkan, "picture": picture}
-    print(probes[sys.argv[1]](), flush=True)
+    told = keep_stdout()
+    print(probes[sys.argv[1]](), file=told, flush=True)
     os._exit(0)  # some drivers crash while they are torn down, which is no fault of what was tried

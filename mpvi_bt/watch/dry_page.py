@@ -18,6 +18,7 @@ from mpvi_bt.errors import MpviError
 from mpvi_bt.executive.dry import dry_tree, run_dry
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording.recorder import Recorder
+from mpvi_bt.standard_streams import keep_stdout
 from mpvi_bt.trace.html import trace_page, tree_page
 from mpvi_bt.trace.read import read_trace
 from mpvi_bt.tree.spec import TreeSpec
@@ -48,7 +49,8 @@ def _dry(spec: TreeSpec, trace: Path) -> str:
 
 def main(file: str, folder: str) -> None:
     """Draw what comes in."""
-    pages, sys.stdout = sys.stdout, sys.stderr  # what a behavior prints is no page
+    pages = keep_stdout()
+    sys.stdout = sys.stderr  # what a node prints is no page
     try:
         with contextlib.suppress(BrokenPipeError):
             for line in sys.stdin:
