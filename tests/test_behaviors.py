@@ -173,7 +173,7 @@ def test_what_is_within_the_limits_reaches_the_robot_bit_by_bit(seed: int) -> No
         action = np.clip(last + rng.uniform(-1, 1, ACTION_SIZE) * step * 0.999, *extremes(R1))
         chunk = action[None]
         bench.context.policy.infer = lambda observation, chunk=chunk: chunk  # type: ignore[method-assign, misc]
-        bench.node("manipulate").terminate(Status.INVALID)  # the rest of the chunk before
+        bench.node("manipulate").stop(Status.INVALID)  # the rest of the chunk before
         bench.world.robot.act(last)
         bench.tree.tick()
         assert bench.world.robot.action.tobytes() == action.tobytes()

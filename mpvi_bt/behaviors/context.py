@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import Any, Literal, Protocol
 
@@ -15,6 +15,8 @@ from mpvi_bt.compiled import compiling
 from mpvi_bt.cost import Cost
 from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.monitors.calibration import Calibration
+from mpvi_bt.monitors.handoff import INTERRUPTED, Handoff
+from mpvi_bt.monitors.handoff_watch import HandoffWatch
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import Checker, Clock, Judgement, Memory, Navigator, Policy, Triggers
 from mpvi_bt.robot.protocol import CONTROL_HZ, Robot, Side
@@ -184,6 +186,8 @@ class Log:
         notices: Of empty and lost grasps, in order.
         replans: Of requests for another plan, in the order of their answers.
         handoffs: That monitors watched, in order.
+        diagnosis: Every handoff to the policy that has ended, in order, with its figures.
+        under_way: Handoffs that have not ended.
         clipped: How many actions of the policy had to be brought within the robot's limits.
     """
 
@@ -192,7 +196,15 @@ class Log:
     notices: list[Notice] = field(default_factory=list)
     replans: list[Replan] = field(default_factory=list)
     handoffs: list[WatchedHandoff] = field(default_factory=list)
+    diagnosis: list[Handoff] = field(default_factory=list)
+    under_way: list[HandoffWatch] = field(default_factory=list)
     clipped: int = 0
+
+    def end_handoffs(self, ending: str, time_s: float) -> None:
+        """Name the run's ending as the reason of the handoffs that it has just interrupted."""
+        for i, handoff in enumerate(self.diagnosis):
+            if handoff.stopped_reason == INTERRUPTED and handoff.ended_s == time_s:
+                self.diagnosis[i] = replace(handoff, stopped_reason=ending)
 
 
 class Stopwatch:

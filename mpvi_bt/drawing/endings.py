@@ -12,6 +12,7 @@ from mpvi_bt.tree.spec import TreeSpec
 ENDED: Mapping[str, str] = {
     "success": "finished",
     "failure": "failed",
+    "stopped": "the policy stopped",
     "time_limit": "out of time",
     "interrupted": "interrupted",
     "backend_error": "backend error",
@@ -19,6 +20,7 @@ ENDED: Mapping[str, str] = {
     "cut": "the trace breaks off",
 }
 _OWN = ("success", "failure")  # ends that the tree itself comes to
+WELL = ("success", "stopped")  # ends that are no failure, whatever the goal says
 
 
 def is_plan(tree: TreeSpec) -> bool:

@@ -20,7 +20,7 @@ from mpvi_bt.episode.assembly import assemble, floors
 from mpvi_bt.episode.disturbed import actions_of, faults_of, lateness_of
 from mpvi_bt.episode.metrics import Meter
 from mpvi_bt.episode.prepare import Prepared, prepare_episode
-from mpvi_bt.episode.queries import count_queries
+from mpvi_bt.episode.queries import count_queries, with_truth
 from mpvi_bt.episode.result import FailureRecord, Grasps, Planning, PolicyShare, ReplanRecord, make_result
 from mpvi_bt.episode.saved_episode import Keeper, SavedEpisode
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
@@ -155,12 +155,14 @@ def run(
         actions=actions_of(context.policy),
         lateness=lateness_of(context.policy),
         handoffs=outcome.log.handoffs,
+        diagnosis=with_truth(outcome.log.diagnosis, outcome.log.queries, audit.truths),
         things={name: [places.get(name, place), place] for name, place in _places(world).items()},
         wall={
             "total_s": total,
             "setup_s": ready - began,
             "loop": dict(outcome.wall_s),
             "planning_s": getattr(policy, "planning_s", 0.0),
+            "answers": [{"mean_s": h.wall_mean_s, "most_s": h.wall_most_s} for h in outcome.log.diagnosis],
         },
     )
     if config.times is not None:

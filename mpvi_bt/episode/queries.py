@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpvi_bt.marked_yaml import Amount, Count, Record
+from mpvi_bt.monitors.handoff import Handoff
 
 if TYPE_CHECKING:
     from mpvi_bt.behaviors.context import Query
@@ -76,6 +78,26 @@ def count_queries(queries: Sequence[Query], truths: Sequence[bool | None], tree:
         kept=sum(cost.kept for cost in costs),
         last_fault=next((query.reason for query in reversed(queries) if query.fault), ""),
     )
+
+
+def with_truth(
+    handoffs: Iterable[Handoff], queries: Sequence[Query], truths: Sequence[bool | None]
+) -> Iterator[Handoff]:
+    """Handoffs with how many of the checker's noes were wrong, where any of its answers can be judged.
+
+    Args:
+        handoffs: To the policy.
+        queries, truths: As of `count_queries`.
+    """
+    judged = [(query, so) for query, so in zip(queries, truths, strict=False) if so is not None]
+    for handoff in handoffs:
+        beside = handoff.path.rpartition("/")[0] + "/"
+        asked = [
+            (query.complete, so)
+            for query, so in judged
+            if query.path.startswith(beside) and handoff.began_s <= query.time_s <= handoff.ended_s and not query.fault
+        ]
+        yield replace(handoff, false_noes=asked.count((False, True))) if asked else handoff
 
 
 def queries_text(counted: Iterable[Queries]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,6 +28,8 @@ from mpvi_bt.goals.evaluate import GoalReport, conditions_met
 from mpvi_bt.instances.human import human_stats
 from mpvi_bt.instances.tasks import Task
 from mpvi_bt.marked_yaml import Amount, Count, Record, Share
+from mpvi_bt.monitors.causes import likely_cause
+from mpvi_bt.monitors.handoff import Handoff
 from mpvi_bt.plan.planners import Planned
 from mpvi_bt.writing import unwritable, write_whole
 
@@ -202,6 +204,8 @@ class Result(Record):
         actions: How the policy's rows were carried out; absent where it says that they are absolute, 30 a second.
         lateness: Of the policy; absent if it was not made late.
         handoffs: That a `monitor` watched, with their signals; absent if there was none.
+        diagnosis: Every handoff to the policy, with its figures, why it ended, and the likely cause; null where it was
+            not kept. Wall times of its answers are under "wall".
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         way: Of the base and of things, for drawing; null where it was not kept.
@@ -238,6 +242,7 @@ class Result(Record):
     actions: Annotated[ActionPace | None, _IF_ANY] = None
     lateness: Annotated[Lateness | None, _IF_ANY] = None
     handoffs: Annotated[list[dict[str, JsonValue]] | None, _IF_ANY] = None
+    diagnosis: list[Handoff] | None = None
     config: dict[str, JsonValue]
     privileged: list[str]
     way: Way | None = None
@@ -296,6 +301,7 @@ def make_result(
     actions: ActionPace | None = None,
     lateness: Lateness | None = None,
     handoffs: Iterable[WatchedHandoff] = (),
+    diagnosis: Iterable[Handoff] | None = None,
     things: Mapping[str, list[list[float]]] | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
@@ -309,7 +315,7 @@ def make_result(
         ended: How the episode ended.
         failures: What failed on the way, in order.
         replans: Requests for a new plan, in order.
-        clipped, grasps, queries, planning, policies, faults, actions, lateness, handoffs: As of `Result`.
+        clipped, grasps, queries, planning, policies, faults, actions, lateness, handoffs, diagnosis: As of `Result`.
         things: As of `Way`.
         wall: Wall-clock figures [s]; may nest.
     """
@@ -350,12 +356,19 @@ def make_result(
         actions=actions,
         lateness=lateness,
         handoffs=[asdict(handoff) for handoff in handoffs] or None,
+        diagnosis=None if diagnosis is None else [_kept(handoff) for handoff in diagnosis],
         config=config.record(),
         privileged=privileged(config.backends),
         way=Way(base=measured.way, things=dict(things or {})),
         directions=dict(DIRECTIONS),
         wall=dict(wall or {}),
     )
+
+
+def _kept(handoff: Handoff) -> Handoff:
+    """A handoff with its likely cause, and without wall times, of which the same config gives others."""
+    cause = likely_cause(handoff)
+    return replace(handoff, cause=cause.sentence if cause else "", wall_mean_s=0.0, wall_most_s=0.0)
 
 
 def write_result(path: Path, result: Result | Mapping[str, Any]) -> None:

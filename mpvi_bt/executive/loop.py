@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure, Log
+from mpvi_bt.behaviors.manipulate import GAVE_UP
 from mpvi_bt.compiled import compiling
 from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import BackendError, ModelError, NodeError, PolicyError
@@ -62,8 +63,8 @@ class Outcome:
     """The outcome of an episode.
 
     Attributes:
-        ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, a policy's server or a language
-            model that failed, or another exception.
+        ending: The root's SUCCESS or FAILURE; "stopped": the policy stopped of its own accord, and the goal is met; the
+            limit of simulated time, Ctrl-C, a policy's server or a language model that failed, or another exception.
         time_s, steps: Simulated time and control steps.
         ticks: Updates of the tree.
         failure: Cause of the root's failure, or of the backend's.
@@ -195,12 +196,16 @@ def run_episode(
             status = tree.tick()
             if context.replanning is not None:
                 context.replanning.swap()
+            if status == Status.FAILURE and score is not None and _met_though_stopped(tree, world, outcome, score):
+                outcome.ending = "stopped"
             ticked = clock()
             for subscriber in subscribers:
                 subscriber.step(tree, world)
             watched = clock()
             ticking += ticked - before
             watching += watched - ticked
+            if outcome.ending == "stopped":
+                break
             if status != Status.RUNNING:
                 outcome.ending = "success" if status == Status.SUCCESS else "failure"
                 outcome.failure = tree.failure
@@ -253,6 +258,23 @@ def _blame_model(outcome: Outcome, time_s: float) -> None:
     outcome.failure = Failure(error.reason, str(error), last.path, time_s)
 
 
+def _met_though_stopped(tree: Tree, world: World, outcome: Outcome, score: Callable[[], GoalReport]) -> bool:
+    """Whether the root failed only as the policy stopped of its own accord, and the goal is met: that is no failure.
+
+    This is the one place of that rule. It comes before the subscribers are shown the tick: what they tell follows.
+    """
+    failure = tree.failure
+    while failure is not None and failure.cause is not None:
+        failure = failure.cause
+    if failure is None or failure.reason != GAVE_UP:
+        return False
+    world.robot.hold()
+    outcome.goal = score()
+    if outcome.goal.satisfied:
+        tree.accept(failure.path, f"the policy stopped: {failure.evidence}" if failure.evidence else "")
+    return outcome.goal.satisfied
+
+
 def _close(
     tree: Tree,
     world: World,
@@ -263,11 +285,16 @@ def _close(
     """Everything is ended, each whatever becomes of the others; then the first error is raised, if nothing else is."""
 
     def judge() -> None:
-        outcome.goal = score() if score is not None and outcome.ending != "error" else None
+        if outcome.goal is None and score is not None and outcome.ending != "error":
+            outcome.goal = score()
+
+    def interrupt() -> None:
+        tree.interrupt()
+        outcome.log.end_handoffs(outcome.ending, world.time_s)
 
     ends: list[Callable[[], object]] = [judge, *(partial(subscriber.end, outcome) for subscriber in subscribers)]
     if outcome.ending in ("time_limit", "interrupted", "backend_error", "error"):
-        ends.insert(0, tree.interrupt)
+        ends.insert(0, interrupt)
     ends.insert(0, world.robot.hold)
     first: BaseException | None = None
     for end in ends:

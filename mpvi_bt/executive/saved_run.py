@@ -11,6 +11,7 @@ from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
 from mpvi_bt.marked_yaml import Record
+from mpvi_bt.monitors.handoff import INTERRUPTED, Handoff
 from mpvi_bt.tree import saving
 from mpvi_bt.tree.build import Tree
 
@@ -31,7 +32,7 @@ class SavedRun(Record):
         blackboard: Of the run.
         failures: Segments that were given up so far.
         queries: Questions to the checker so far.
-        notices, replans, handoffs, clipped: As of the log so far.
+        notices, replans, handoffs, diagnosis, clipped: As of the log so far; a handoff under way ends here.
         world: What the world says of itself.
         memory: What was learned.
         policy, checker: What these have counted, so that a late or faulty one draws on from there.
@@ -44,6 +45,7 @@ class SavedRun(Record):
     notices: list[Notice] = []
     replans: list[Replan] = []
     handoffs: list[WatchedHandoff] = []
+    diagnosis: list[Handoff] = []
     clipped: Annotated[int, Field(ge=0)] = 0
     world: SavedWorld
     memory: dict[str, JsonValue] = {}
@@ -62,6 +64,7 @@ def save_run(tree: Tree, world: World) -> SavedRun:
         notices=list(log.notices),
         replans=list(log.replans),
         handoffs=list(log.handoffs),
+        diagnosis=[*log.diagnosis, *(watch.figures(world.time_s, INTERRUPTED) for watch in log.under_way)],
         clipped=log.clipped,
         world=SavedWorld.model_validate(world.save()),
         memory=context.memory.save() if context.memory else {},
@@ -89,5 +92,5 @@ def restore_world(saved: SavedRun, world: World, context: Context) -> None:
     context.blackboard.update(saved.blackboard)
     log = context.log
     log.failures[:], log.queries[:], log.notices[:] = saved.failures, saved.queries, saved.notices
-    log.replans[:], log.handoffs[:] = saved.replans, saved.handoffs
+    log.replans[:], log.handoffs[:], log.diagnosis[:] = saved.replans, saved.handoffs, saved.diagnosis
     log.clipped = saved.clipped

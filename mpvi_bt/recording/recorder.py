@@ -22,6 +22,7 @@ from mpvi_bt.behaviors.context import Context, Notice, Query, Replan
 from mpvi_bt.errors import MpviError, NodeError, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.saved_run import SavedRun
+from mpvi_bt.monitors.handoff import Handoff
 from mpvi_bt.trace.read import VERSION, Trace, read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.saving import SavedNode
@@ -32,6 +33,7 @@ from mpvi_bt.writing import unwritable
 
 _NOT_BEGUN = NodeState()
 _ALWAYS = ("criterion", "event", "complete", "reason", "path")  # of a query
+_OF_HANDOFF = ("path", "prompt", "began_s", "ended_s", "stopped_reason")  # likewise
 _JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
@@ -72,6 +74,7 @@ class Recorder(Watcher):
         self._tree, self._world, self._began = tree, world, time.perf_counter()
         self._resumed_s, self._queries, self._notices = world.time_s, 0, 0
         self._replans = len(self._saved.replans) if self._saved else 0
+        self._handoffs = len(self._saved.diagnosis) if self._saved else 0
         self._states: dict[str, NodeState] = {}
         self._changes: _Changes | None = None
         self._spec, self._nodes = tree.spec, tree.nodes
@@ -114,8 +117,8 @@ class Recorder(Watcher):
             return
         context, changed = tree.context, self._changes.of(tree.touched)
         log = context.log
-        counts = len(log.queries), len(log.notices), len(log.replans)
-        told = counts == (self._queries, self._notices, self._replans)
+        counts = len(log.queries), len(log.notices), len(log.replans), len(log.diagnosis)
+        told = counts == (self._queries, self._notices, self._replans, self._handoffs)
         if not changed and told and context.blackboard == self._blackboard:
             return
         self._record({vars(node)["path"]: tree.state_of(node) for node in changed})
@@ -179,6 +182,9 @@ class Recorder(Watcher):
             if plans := context.log.replans[self._replans :]:
                 line["replans"] = [_replanned(plan, self._world.time_s) for plan in plans]
                 self._replans += len(plans)
+            if handoffs := context.log.diagnosis[self._handoffs :]:
+                line["diagnosis"] = [_diagnosed(handoff) for handoff in handoffs]
+                self._handoffs += len(handoffs)
         if line:
             self._write(self._now() | line)
 
@@ -305,6 +311,13 @@ def _replanned(replan: Replan, now_s: float) -> dict[str, Any]:
     told = {key: value for key, value in data.items() if key == "segments" or value not in ("", 0)}
     told = {key: value for key, value in told.items() if value is not None}
     return told | ({"asked_s": asked_s} if asked_s != now_s else {})
+
+
+def _diagnosed(handoff: Handoff) -> dict[str, Any]:
+    """The figures of a handoff without what is at its default."""
+    told = {key: value for key, value in dataclasses.asdict(handoff).items() if value or key in _OF_HANDOFF}
+    hands = {side: {key: value for key, value in hand.items() if value} for side, hand in told.get("hands", {}).items()}
+    return told | ({"hands": hands} if hands else {})
 
 
 def _described(error: Exception) -> dict[str, str]:

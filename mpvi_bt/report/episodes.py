@@ -14,6 +14,7 @@ from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import MpviError
 from mpvi_bt.house.house import House
+from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
 from mpvi_bt.report.closing_table import troubles
 from mpvi_bt.report.episode_map import way_map
 from mpvi_bt.report.runs import Runs
@@ -21,7 +22,7 @@ from mpvi_bt.report.timeline import timeline, timeline_html
 from mpvi_bt.trace.read import read_trace
 
 # Our choices: what a page of hundreds of episodes can hold of each.
-MOST_FAILURES, MOST_CONDITIONS, _LONG = 8, 30, 160
+MOST_FAILURES, MOST_CONDITIONS, MOST_HANDOFFS, _LONG = 8, 30, 6, 160
 
 
 def episode_html(
@@ -49,6 +50,7 @@ def episode_html(
     body = [
         f'<div class="sides"><figure>{drawn}</figure><div>{_goal(result)}{_facts(result)}</div></div>',
         _failures(result),
+        _handoffs(result),
         _what_ran(runs, config, result),
         pictures,
         films,
@@ -93,6 +95,26 @@ def _failures(result: Result) -> str:
     if more := len(result.failures) - len(items):
         items.append(f'<li class="dim">and {more} more</li>')
     return f"<h5>Failures</h5><ul>{''.join(items)}</ul>"
+
+
+def _handoffs(result: Result) -> str:
+    """What the policy did whenever it had control: whole where no checker confirmed it, else counted."""
+    if result.diagnosis is None:
+        return '<p class="dim">What the policy did in each handoff was not kept.</p>'
+    short = [handoff for handoff in result.diagnosis if not handoff.complete]
+    items = []
+    for handoff in short[-MOST_HANDOFFS:]:
+        more = "".join(f"<li>{_text(line)}</li>" for line in handoff_lines(handoff))
+        head = f"{handoff.began_s:.0f} to {handoff.ended_s:.0f} s, {_text(handoff.prompt)}"
+        items.append(
+            f'<li>{head}: <b>{_text(handoff_line(handoff))}</b><details><summary class="dim">figures</summary>'
+            f"<ul>{more}</ul></details></li>"
+        )
+    if (more_ := len(short) - len(items)) > 0:
+        items.insert(0, f'<li class="dim">and {more_} before</li>')
+    total = len(result.diagnosis)
+    told = f"{total} to the policy, {total - len(short)} confirmed by a checker"
+    return f"<h5>Handoffs: {told}</h5><ul>{''.join(items)}</ul>" if total else ""
 
 
 def _what_ran(runs: Runs, config: EpisodeConfig, result: Result) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mpvi_bt.drawing.endings import ENDED
+from mpvi_bt.drawing.endings import ENDED, WELL
 from mpvi_bt.instances.human import Human, human_stats
 from mpvi_bt.report.compare import MethodComparison
 from mpvi_bt.report.failures import Failures
@@ -349,7 +349,7 @@ def _ends(found: Failures) -> dict[str, int]:
 
 
 def _short(found: Failures) -> bool:
-    return bool(found.reasons or found.unmet or set(found.ended) - {"success"})
+    return bool(found.reasons or found.unmet or set(found.ended) - {*WELL})
 
 
 def _value(value: object) -> str:

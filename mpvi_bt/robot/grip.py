@@ -17,6 +17,10 @@ class GripWatch:
     Our choice: a closed hand narrower than `EMPTY_M` is empty, at once; one that stays wider than it is told to be
     holds something, and has lost it when it gets about as narrow as told, which need not be shut: learned policies
     seldom say -1. Waiting for the arm to come to rest, as completion does, would cost seconds.
+
+    Attributes:
+        grasped: How often each hand closed on something.
+        opened: How often each was told to open after it had been told to close.
     """
 
     def __init__(self, felt: Proprioception) -> None:
@@ -25,6 +29,9 @@ class GripWatch:
         self._steady = dict.fromkeys(felt.sides, _STEADY_STEPS)
         self._held_m = {side: felt.gripper_width[side] if _stopped(felt, side) else None for side in felt.sides}
         self._told = {side: _shut(felt, side) for side in felt.sides}
+        self._closing = {side: felt.gripper_command[side] < 0 for side in felt.sides}
+        self.grasped: dict[Side, int] = dict.fromkeys(felt.sides, 0)
+        self.opened: dict[Side, int] = dict.fromkeys(felt.sides, 0)
 
     def update(self, felt: Proprioception) -> Iterator[tuple[Literal["empty", "lost"], Side]]:
         """What is new at this step; to be asked once a step."""
@@ -33,7 +40,10 @@ class GripWatch:
             steady = abs(width - self._width[side]) < _STEADY_M
             self._steady[side] = self._steady[side] + 1 if steady else 0
             self._width[side] = width
-            if felt.gripper_command[side] >= 0:
+            closing = felt.gripper_command[side] < 0
+            self.opened[side] += self._closing[side] and not closing
+            self._closing[side] = closing
+            if not closing:
                 self._told[side] = False
             if held_m is not None and held_m <= _narrowest_m(felt, side):
                 self._held_m[side] = None  # it was told to let go
@@ -45,6 +55,7 @@ class GripWatch:
                     yield "empty", side
                 self._told[side] = True
             elif self._steady[side] >= _STEADY_STEPS and _stopped(felt, side):
+                self.grasped[side] += held_m is None and closing
                 self._held_m[side], self._told[side] = width, False
 
 

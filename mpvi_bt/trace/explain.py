@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+from mpvi_bt.drawing.endings import WELL
+from mpvi_bt.monitors.causes import Cause, likely_cause
+from mpvi_bt.monitors.handoff import Handoff
 from mpvi_bt.trace.lines import Broken, CheckerAnswer, Replanned, Tick
 from mpvi_bt.trace.read import Moment, Trace
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
@@ -75,6 +78,14 @@ class Recovery:
 
 
 @dataclass(frozen=True)
+class Diagnosis:
+    """One handoff to the policy: its figures, and the likely cause of its end, or None."""
+
+    handoff: Handoff
+    cause: Cause | None
+
+
+@dataclass(frozen=True)
 class Explanation:
     """Why a run ended as it did.
 
@@ -91,6 +102,8 @@ class Explanation:
         unanswered: Questions to the checker that got neither yes nor no.
         running: Deepest nodes that ran at the end, of a run that its tree did not end.
         error: The exception that ended it.
+        diagnosis: Every handoff to the policy that is recorded, in order.
+        undiagnosed: Nodes that handed over to a policy of which the trace does not tell what it did.
     """
 
     tree: str
@@ -107,6 +120,8 @@ class Explanation:
     unanswered: tuple[Asked, ...] = ()
     running: tuple[Link, ...] = ()
     error: Broken | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
+    undiagnosed: tuple[str, ...] = ()
 
 
 def explain(trace: Trace) -> Explanation:
@@ -114,6 +129,7 @@ def explain(trace: Trace) -> Explanation:
     history = _History(trace.tree)
     gave_up: list[Link] = []
     recovered: list[Recovery] = []
+    handoffs: list[Handoff] = []
     tick = 0
     for change in trace.ticks:
         history.add(change)
@@ -121,6 +137,7 @@ def explain(trace: Trace) -> Explanation:
             if state.status == "SUCCESS" and (recovery := history.recovery(path)) is not None:
                 recovered = [*(r for r in recovered if not _within(r.node, recovery.node)), recovery]
         gave_up += [history.gave_up(path) for path, state in change.nodes.items() if state.gave_up]
+        handoffs += change.diagnosis
         tick = change.tick
     end = trace.end
     root = history.moment.tree.nodes[0].path
@@ -137,8 +154,10 @@ def explain(trace: Trace) -> Explanation:
         recovered=tuple(recovered),
         gave_up=tuple(gave_up),
         unanswered=tuple(asked for asked in history.asked if asked.answer.fault),
-        running=history.running() if not end or end.ending not in ("success", "failure") else (),
+        running=history.running() if not end or end.ending not in ("failure", *WELL) else (),
         error=end.error if end else None,
+        diagnosis=tuple(Diagnosis(handoff, likely_cause(handoff)) for handoff in handoffs),
+        undiagnosed=tuple(sorted(history.handed_over - {handoff.path for handoff in handoffs})) if end else (),
     )
 
 
@@ -171,6 +190,7 @@ class _History:
         self.failures: defaultdict[str, list[_Failed]] = defaultdict(list)
         self.asked: list[Asked] = []
         self.replanned: dict[str, Replanned] = {}
+        self.handed_over: set[str] = set()
 
     def add(self, tick: Tick) -> None:
         """Take in the next tick."""
@@ -183,6 +203,8 @@ class _History:
                 self.since[path] = tick.time_s
             if old.status != "RUNNING" and (new.status != "INVALID" or new.interrupted):
                 self.began[path] = tick.time_s
+                if self.placed[path].spec.kind == "manipulate":
+                    self.handed_over.add(path)
             if new.status == "FAILURE":
                 self.failures[path].append(_Failed(tick.time_s, new, self.placed[path].spec))
         self.asked += [Asked(tick.time_s if a.asked_s is None else a.asked_s, a) for a in tick.queries]

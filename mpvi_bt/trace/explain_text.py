@@ -7,13 +7,15 @@ from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
-from mpvi_bt.trace.explain import Explanation, Link, Recovery
+from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
+from mpvi_bt.trace.explain import Diagnosis, Explanation, Link, Recovery
 
 _Item = TypeVar("_Item")
 
 _WHOLE = 2  # chains of units given up; of more only the reasons are shown; --json has all of everything
 _UNITS = 12  # given up, the last
 _SHOWN = 5  # earlier failures and answers, the last
+_HANDOFFS = 6  # to the policy that did not end by the checker's yes, the last; those that did only get their line
 _INDENT = 2
 _NUMBER_S = re.compile(r"(\d) s\b")  # no line ends within
 _LEAST = 40  # columns that indentation leaves
@@ -63,6 +65,8 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
                 text.head(link, 1)
                 text.reasons(link, 3)
                 text.replanned(link, 3)
+    if e.diagnosis or e.undiagnosed:
+        text.handoffs(e.diagnosis, len(e.undiagnosed))
     return text.text
 
 
@@ -108,9 +112,13 @@ class _Text:
 
     def head(self, link: Link, depth: int) -> None:
         """A node, with its times at the right."""
-        began, ended = f"{link.began_s:.1f} s", f"{link.time_s:.1f} s"
+        self.title(f"{link.glyph} {one_line(link.label)}", link.began_s, link.time_s, depth)
+
+    def title(self, text: str, began_s: float, ended_s: float, depth: int) -> None:
+        """A line with the times of what it is about at the right."""
+        began, ended = f"{began_s:.1f} s", f"{ended_s:.1f} s"
         when = f"at {ended}" if began == ended else f"{began} to {ended}"
-        head = self._indent(depth) + f"{link.glyph} {one_line(link.label)}"
+        head = self._indent(depth) + one_line(text)
         head = cut(head, self.width - len(when) - 2)
         self.lines.append(head + " " * (self.width - columns(head) - len(when)) + when)
 
@@ -137,6 +145,25 @@ class _Text:
         came = f"no new plan: {plan.said}" if plan.segments is None else f"a new plan of {count}"
         took = f", answered in {plan.latency_s:.1f} s" if plan.latency_s else ""
         self.add(f"then {came}{took}", depth)
+
+    def handoffs(self, all_: Sequence[Diagnosis], untold: int) -> None:
+        """What the policy did whenever it had control: whole of those that were not complete, a line of the others."""
+        short = [one for one in all_ if not one.handoff.complete]
+        confirmed = f"{len(all_) - len(short)} confirmed by a checker"
+        count = f"{len(all_)} handoff{'s' * (len(all_) != 1)} to the policy, {confirmed}"
+        self.gap(f"{count}{':' * bool(short)}" if all_ else "Handoffs to the policy:")
+        left_out = len(short) - len(short[-_HANDOFFS:])
+        if left_out:
+            self.add(f"{left_out} before that {'was' if left_out == 1 else 'were'} not complete, then", 1)
+        for one in short[-_HANDOFFS:]:
+            h = one.handoff
+            self.title(f'"{h.prompt}"', h.began_s, h.ended_s, 1)
+            self.add(handoff_line(h), 2)
+            for line in handoff_lines(h):
+                self.add(line, 3)
+        if untold:
+            nodes = f"{untold} node{'s' * (untold > 1)}"
+            self.add(f"of {nodes} the trace does not tell: it is of a dry run, or of an older mpvi_bt", 1)
 
     def leaf(self, link: Link, depth: int) -> None:
         """A node that was running, and its last words."""

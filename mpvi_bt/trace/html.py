@@ -18,8 +18,10 @@ from importlib import resources
 from typing import Any
 
 from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.endings import WELL
 from mpvi_bt.drawing.symbols import MARKS, Standing, outcome, sign, standing, state_style
 from mpvi_bt.drawing.text import ascii_tree
+from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
 from mpvi_bt.trace.lines import End, Tick
 from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.spec import TreeSpec
@@ -78,8 +80,8 @@ class PageFrames:
         return {"trees": self.trees[trees:], "frames": self.frames[frames:]}
 
 
-def _said(tick: Tick) -> Iterable[dict[str, str]]:
-    """Answers of the checker, what hands felt, and new plans: of whom, what, and how it is marked."""
+def _said(tick: Tick) -> Iterable[dict[str, Any]]:
+    """Answers of the checker, what hands felt, new plans, handoffs that ended: of whom, what, and how it is marked."""
     for answer in tick.queries:
         seen = f" ({answer.camera})" if answer.camera else ""
         text = f"{answer.criterion}? {answer.said}{seen}: {answer.reason}"
@@ -92,6 +94,11 @@ def _said(tick: Tick) -> Iterable[dict[str, str]]:
         text = f"no new plan: {replan.said}" if replan.segments is None else f"new plan: {replan.segments} segments"
         made: Standing = "failure" if replan.segments is None else "success"
         yield {"path": replan.path, "text": one_line(text), "is": made, "about": "plan"}
+    for handoff in tick.diagnosis:
+        ended: Standing = "success" if handoff.complete else "interrupted"
+        more = [one_line(line) for line in handoff_lines(handoff)]
+        text = one_line(f"{handoff_line(handoff)} ({handoff.length_s:.1f} s)")
+        yield {"path": handoff.path, "text": text, "is": ended, "about": "handoff", "more": more}
 
 
 def _numbers(tree: TreeSpec) -> dict[str, int]:
@@ -159,7 +166,7 @@ def told_end(end: End, text: str, gave_up: int) -> dict[str, Any]:
 
 def _stood(end: End, gave_up: int) -> Standing:
     """What the end comes down to: by the goal where there is one."""
-    if end.ending not in ("success", "failure"):
+    if end.ending not in ("failure", *WELL):
         return "interrupted"
     if end.q is not None:
         return "success" if end.q == 1 else "failure"

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, TypeAdapter
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.cost import Cost
 from mpvi_bt.marked_yaml import Count
+from mpvi_bt.monitors.handoff import Handoff
 from mpvi_bt.tree.state import Ending, NodeState
 
 _Time = Annotated[float, Field(ge=0)]
@@ -95,6 +96,7 @@ class Tick:
         queries: The completion checker's answers.
         notices: What hands felt.
         replans: What came of asking for another plan.
+        diagnosis: Handoffs to the policy that have ended.
         tree: The tree from this tick on, as `yaml_io.expanded` gives it, if a part of it was swapped.
     """
 
@@ -108,6 +110,7 @@ class Tick:
     queries: tuple[CheckerAnswer, ...] = ()
     notices: tuple[Noticed, ...] = ()
     replans: tuple[Replanned, ...] = ()
+    diagnosis: tuple[Handoff, ...] = ()
     tree: dict[str, Any] | None = None
 
 

@@ -13,7 +13,7 @@ from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 
 from mpvi_bt.behaviors.context import Context, Failure
-from mpvi_bt.behaviors.node import failure_of
+from mpvi_bt.behaviors.node import Node, failure_of
 from mpvi_bt.errors import MpviError, NodeError, UnknownName, UserError
 from mpvi_bt.import_paths import imported
 from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES
@@ -158,6 +158,19 @@ class Tree:
             except Exception:  # one that cannot stop must not keep the others, and those above it, from it
                 node.status = Status.INVALID
         return states
+
+    def accept(self, path: str, said: str) -> None:
+        """After the last tick, let a node that failed, and those above it that failed by it, stand as succeeded.
+
+        Args:
+            path: Of the node.
+            said: Its last words.
+        """
+        for at, node in self.nodes.items():
+            if f"{path}/".startswith(f"{at}/") and node.status is Status.FAILURE:
+                node.status, node.feedback_message = Status.SUCCESS, said if at == path else ""
+                if isinstance(node, Node):
+                    node.failure = None
 
     @property
     def status(self) -> Status:

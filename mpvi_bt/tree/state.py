@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 Status = Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
-# How an episode ends. "backend_error": a policy's server or a language model failed, which is no fault of the tree's.
-Ending = Literal["success", "failure", "time_limit", "interrupted", "backend_error", "error"]
+# How an episode ends. "stopped": the policy stopped of its own accord, and the goal is met. "backend_error": a policy's
+# server or a language model failed, which is no fault of the tree's.
+Ending = Literal["success", "failure", "stopped", "time_limit", "interrupted", "backend_error", "error"]
 
 
 @dataclass(frozen=True)
