@@ -152,7 +152,8 @@ def play(folder: Path, policy: object, tree: str = UNIT, *watchers: Any, **world
     goal = None if met is None else GoalReport(met, float(met), float(met), (GoalCondition("on(radio)", met),))
     score = None if goal is None else (lambda report=goal: report)
     trace, limit_s = folder / "t.jsonl", world.get("limit_s", 60.0)
-    outcome = run_episode(Tree(parse_tree(tree)), made, context, [Recorder(trace), *watchers], limit_s, score=score)
+    recorder = Recorder(trace, {"policy": "it"})
+    outcome = run_episode(Tree(parse_tree(tree)), made, context, [recorder, *watchers], limit_s, score=score)
     return explain(read_trace(trace)), outcome
 
 

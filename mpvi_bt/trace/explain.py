@@ -140,6 +140,7 @@ def explain(trace: Trace) -> Explanation:
         handoffs += change.diagnosis
         tick = change.tick
     end = trace.end
+    untold = history.handed_over - {handoff.path for handoff in handoffs}
     root = history.moment.tree.nodes[0].path
     return Explanation(
         tree=trace.tree.name,
@@ -157,7 +158,7 @@ def explain(trace: Trace) -> Explanation:
         running=history.running() if not end or end.ending not in ("failure", *WELL) else (),
         error=end.error if end else None,
         diagnosis=tuple(Diagnosis(handoff, likely_cause(handoff)) for handoff in handoffs),
-        undiagnosed=tuple(sorted(history.handed_over - {handoff.path for handoff in handoffs})) if end else (),
+        undiagnosed=tuple(sorted(untold)) if end and "policy" in trace.config else (),  # a dry run has none
     )
 
 

@@ -163,7 +163,7 @@ class _Text:
                 self.add(line, 3)
         if untold:
             nodes = f"{untold} node{'s' * (untold > 1)}"
-            self.add(f"of {nodes} the trace does not tell: it is of a dry run, or of an older mpvi_bt", 1)
+            self.add(f"of {nodes} the trace does not tell: a stand-in did its work, or an older mpvi_bt wrote it", 1)
 
     def leaf(self, link: Link, depth: int) -> None:
         """A node that was running, and its last words."""

@@ -1,9 +1,9 @@
-// What happened up to the tick that is shown, the latest first: failures, the checker's answers, new plans.
+// What happened up to the tick that is shown, the latest first: failures, the checker's answers, new plans, handoffs.
 
 const log = {
   MOST: 60,
   taken: 0, // frames that were looked at
-  entries: [], // {frame, path, is, about, text}, in the order of time
+  entries: [], // {frame, path, is, about, text, more: of a handoff, its figures}, in the order of time
   failed: 0, // of play.failures
 
   take() {

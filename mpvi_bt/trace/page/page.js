@@ -43,6 +43,9 @@ function showNode() {
     if (state?.origin && state.origin !== node.path) {
       entry("came from", make("button", { cls: "link", text: state.origin, on: () => outline.pick(state.origin) }));
     }
+    log.take();
+    const handoff = log.entries.findLast((e) => e.more && e.path === node.path && e.frame <= still.frame);
+    if (handoff) entry("last handoff", handoff.text, ...handoff.more.map((text) => make("p", { text })));
     parts.push(list, changes(node.path));
   }
   $("node").lastElementChild.replaceChildren(...parts);
