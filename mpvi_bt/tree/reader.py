@@ -10,12 +10,12 @@ from pydantic import ValidationError
 
 from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.own_nodes import as_described, own_nodes
-from mpvi_bt.behaviors.parameters import Call, Value
+from mpvi_bt.behaviors.parameters import Call, NoParameters, Value
 from mpvi_bt.behaviors.registry import NodeType, node_types
 from mpvi_bt.errors import FileProblems, UserError, did_you_mean, shown
 from mpvi_bt.marked_yaml import Location, Marks, problems_of
 from mpvi_bt.tree.calls import called_file
-from mpvi_bt.tree.spec import NodeSpec, Place, TreeParameter, TreeSpec
+from mpvi_bt.tree.spec import BrokenNode, NodeSpec, Place, TreeParameter, TreeSpec
 from mpvi_bt.tree.synonyms import meant
 from mpvi_bt.tree.tree_file import NodeHead, TreeReading, TreeSource, head_of, typed
 
@@ -36,18 +36,29 @@ def read(data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, 
         UserError: An argument that the tree does not have, or that is of another type.
         FileProblems: Everything that is wrong with the file and those of its subtrees.
     """
+    tree = sketch(data, marks, reading, arguments)
+    if reading.problems or tree is None:
+        raise FileProblems(list({(p.file, p.line, p.column, p.message): p for p in reading.problems}.values()))
+    return tree
+
+
+def sketch(
+    data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, Value] | None = None
+) -> TreeSpec | None:
+    """As `read`, of a tree that may be wrong: what is wrong with a node makes it a `BrokenNode`.
+
+    None if it has no root, or if its own nodes cannot be read. Raises FileProblems where there are so many problems that
+    more are no help.
+    """
     if reading.expanded and isinstance(data, dict):
         told = data.get("nodes", {})
         reading.own |= {kind: as_described(kind, node) for kind, node in told.items()}
         data = {key: value for key, value in data.items() if key != "nodes"}
     file = head_of(data, marks, reading)
-    values = typed(arguments, file)
+    values = typed(arguments or {}, file)
     path = Path(marks.file)
     above = (path.resolve(),) if path.is_file() else ()
-    tree = _tree(TreeSource(data, marks, file), reading, values, above)
-    if reading.problems or tree is None:
-        raise FileProblems(list({(p.file, p.line, p.column, p.message): p for p in reading.problems}.values()))
-    return tree
+    return _tree(TreeSource(data, marks, file), reading, values, above)
 
 
 def _tree(
@@ -57,7 +68,7 @@ def _tree(
     above: tuple[Path, ...],
     keys: frozenset[str] = frozenset(),
 ) -> TreeSpec | None:
-    """The tree of one file with its parameters filled in, or None if anything about its nodes is wrong."""
+    """The tree of one file with its parameters filled in, or None if it has no root."""
     file = source.file
     for name, value in file.blackboard.items():
         reading.blackboard.setdefault(name, value)
@@ -128,42 +139,53 @@ class _Reader:
         self.types, self.keys = types, keys
         self.problems = reading.problems
 
-    def node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec | None:
-        """The node at a location, or None if anything about it is wrong."""
+    def node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec:
+        """The node at a location; a `BrokenNode` if anything about it is wrong."""
         reading = self.reading
         reading.count += 1
         if reading.count > MAX_NODES:
             self.problem(at, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
             raise FileProblems(self.problems)
+        before = len(self.problems)
         if reading.depth >= MAX_DEPTH:
             self.problem(at, "too-deep", f"more than {MAX_DEPTH} nodes one below the other, subtrees written out")
-            return None
+            return self.broken(data, at, (), before)
         reading.depth += 1
-        node = self._node(data, at, inherited)
+        node = self._node(data, at, inherited, before)
         reading.depth -= 1
         return node
 
-    def _node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec | None:
+    def _node(self, data: Any, at: Location, inherited: tuple[int, ...], before: int) -> NodeSpec:
         if not isinstance(data, dict) or not data:
             self.problem(at, "node", f"a node is a mapping such as 'navigate: kitchen', not {shown(data)}")
-            return None
+            return self.broken(data, at, (), before)
         node_type = self.kind(data, at)
-        if node_type is None or self.misplaced(data, at, node_type):
-            for key in ("children", "child"):  # what is below may be wrong too
-                self.below(data.get(key), (*at, key), inherited)
-            return None
-        before = len(self.problems)
+        below = self.misplaced(data, at, node_type) if node_type is not None else ()
+        if node_type is None or below is not None:
+            found = [self.below(data.get(key), (*at, key), inherited) for key in ("children", "child")]
+            return self.broken(data, at, (*(below or ()), *found[0], *found[1]), before)
         head = self.head(data, at, node_type)
         segments = inherited if head.segments is None else head.segments
         children = self.children(data, at, node_type, segments)
         parameters = self.parameters(data, at, node_type)
-        if parameters is None or len(self.problems) > before:
-            return None
+        if parameters is None or self.reading.untold(before):
+            return self.broken(data, at, children, before)
         written = self.written(data, node_type)
         unbound = frozenset(key for key, value in written.items() if self.unbound.intersection(_names(value)))
         place = Place(self.marks.file, *self.marks.at((*at, node_type.kind), key=True))
         own = None if node_type.kind in node_types() else node_type
         return NodeSpec(node_type.kind, parameters, head.name or "", children, segments, place, written, unbound, own)
+
+    def broken(self, data: Any, at: Location, children: tuple[NodeSpec, ...], before: int) -> BrokenNode:
+        """A node that problems behind the first `before` are about, as far as it can be read."""
+        kind, value = next(iter(data.items())) if isinstance(data, dict) and data else ("", data)
+        text = "" if value is None or (kind and isinstance(value, list | dict)) else shown(value).strip("'\"")
+        place = Place(self.marks.file, *self.marks.at((*at, kind) if kind else at, key=bool(kind)))
+        says = f"{kind}: {text}" if kind and text else kind or text
+        told = self.reading.untold(before)
+        self.reading.told.update(map(id, told))
+        own = None if kind in node_types() else self.types.get(kind)
+        return BrokenNode(kind, NoParameters(), "", children, place=place, own=own, says=says, problems=told)
 
     def given(self, data: dict[str, Any], node_type: NodeType) -> dict[str, Any]:
         """The node's parameters as the file writes them; the headline under its own name."""
@@ -196,17 +218,16 @@ class _Reader:
             self.problem((*at, kinds[0]), "order", message, key=True)
         return self.types[kinds[0]]
 
-    def misplaced(self, data: dict[str, Any], at: Location, node_type: NodeType) -> bool:
-        """Whether what belongs below a node stands right behind its kind; then that is noted, and it is read too."""
+    def misplaced(self, data: dict[str, Any], at: Location, node_type: NodeType) -> tuple[NodeSpec, ...] | None:
+        """What belongs below a node and stands right behind its kind, which is noted; None if nothing does."""
         key = self.key_below(node_type)
         below = data[node_type.kind]
         if not key or key in data or not isinstance(below, list | dict):
-            return False
+            return None
         what = "a list of children stands" if key == "children" else "a child stands"
         message = f"{what} under '{key}:', not under '{node_type.kind}:' itself"
         self.problem((*at, node_type.kind), "children", message, key=True)
-        self.below(below, (*at, node_type.kind), ())
-        return True
+        return self.below(below, (*at, node_type.kind), ())
 
     def key_below(self, node_type: NodeType) -> str:
         """The key that holds a node's children or child; "" where it has none."""
@@ -281,6 +302,8 @@ class _Reader:
         nodes = self.below(data.get(key), (*at, key), segments)
         if key not in data:
             self.problem((*at, node_type.kind), "children", f"{node_type.kind!r} needs {key!r}", key=True)
+        elif key == "child" and data[key] is None:
+            self.problem((*at, key), "children", f"{node_type.kind!r} needs a node under 'child:'", key=True)
         elif key == "child" and isinstance(data[key], list):
             self.problem((*at, key), "children", f"{node_type.kind!r} takes one child, not a list")
         elif key == "children" and not isinstance(data[key], list):
@@ -292,16 +315,10 @@ class _Reader:
         return nodes
 
     def below(self, data: Any, at: Location, segments: tuple[int, ...]) -> tuple[NodeSpec, ...]:
-        """The nodes of a list of children or of a single child, without those that are wrong."""
-        if isinstance(data, dict):
-            found = [self.node(data, at, segments)]
-        elif isinstance(data, list):
-            found = [self.node(item, (*at, i), segments) for i, item in enumerate(data)]
-        else:
-            if data is not None:
-                self.node(data, at, segments)
-            found = []
-        return tuple(node for node in found if node is not None)
+        """The nodes of a list of children or of a single child."""
+        if isinstance(data, list):
+            return tuple(self.node(item, (*at, i), segments) for i, item in enumerate(data))
+        return () if data is None else (self.node(data, at, segments),)
 
     def called(self, data: dict[str, Any], at: Location) -> tuple[NodeSpec, ...]:
         """The root of the tree that a subtree node calls, or () if anything about it is wrong."""

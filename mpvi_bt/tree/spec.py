@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
-from mpvi_bt.behaviors.parameters import Parameters, Value
+from mpvi_bt.behaviors.parameters import NoParameters, Parameters, Value
 from mpvi_bt.behaviors.registry import NodeType, node_types
+from mpvi_bt.errors import Problem
 
 ParameterType = Literal["text", "number", "integer", "boolean"]
 Drawer = Callable[["TreeSpec"], str]
@@ -72,6 +73,39 @@ class NodeSpec:
     def glyph(self) -> str:
         """What is drawn before the label, such as "-->"."""
         return self.type.glyph_of(self.parameters)
+
+
+@dataclass(frozen=True)
+class BrokenNode(NodeSpec):
+    """A node that its file does not say rightly, as far as it goes: to be drawn, never to be built.
+
+    Its `kind` may be one that there is not, and it has no `parameters`.
+
+    Attributes:
+        says: Its first key with what stands there.
+        problems: What is wrong with the node itself; those below it have their own.
+    """
+
+    says: str = ""
+    problems: tuple[Problem, ...] = ()
+
+    @property
+    def type(self) -> NodeType:
+        """That of its kind, or one that stands for a kind that there is not."""
+        return self.own or node_types().get(self.kind) or _NO_TYPE
+
+    @property
+    def label(self) -> str:
+        """What the file says."""
+        return self.says
+
+    @property
+    def glyph(self) -> str:
+        """None: what is drawn depends on parameters."""
+        return ""
+
+
+_NO_TYPE = NodeType("", "leaf", NoParameters, "name", "", "No such kind of node.")
 
 
 @dataclass(frozen=True)

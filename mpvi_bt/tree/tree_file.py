@@ -98,6 +98,7 @@ class TreeReading:
         sources: Files of subtrees, by resolved path, so that each is parsed once; None: it has problems.
         own: Nodes of the files' own so far, by kind.
         blackboard: First values of keys that subtrees declare.
+        told: Of those, the ids of the ones that a node has been marked with.
         count: Nodes so far.
         depth: Of the node that is being read, 1 for the root.
     """
@@ -108,6 +109,7 @@ class TreeReading:
     sources: dict[Path, TreeSource | None] = field(default_factory=dict)
     own: dict[str, NodeType] = field(default_factory=dict)
     blackboard: dict[str, Value] = field(default_factory=dict)
+    told: set[int] = field(default_factory=set)
     count: int = 0
     depth: int = 0
 
@@ -116,6 +118,10 @@ class TreeReading:
         self.problems.append(problem)
         if len(self.problems) >= MAX_PROBLEMS:
             raise FileProblems(self.problems)
+
+    def untold(self, since: int) -> tuple[Problem, ...]:
+        """Those problems behind the first `since` that no node has been marked with."""
+        return tuple(problem for problem in self.problems[since:] if id(problem) not in self.told)
 
 
 def head_of(data: Any, marks: Marks, reading: TreeReading) -> TreeFile:

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from mpvi_bt.errors import MpviError
+from mpvi_bt.errors import FileProblems, MpviError
 from mpvi_bt.executive.dry import dry_tree, run_dry
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording.recorder import Recorder
@@ -25,20 +25,28 @@ from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import parse_tree
 from mpvi_bt.watch.drawer import sentence
 from mpvi_bt.watch.process import NICE
+from mpvi_bt.watch.sketch_page import sketch_page
 
 _DRY_S, _DRY_WALL_S = 600.0, 3.0  # simulated and wall time that a dry run may take. Our choice
 
 
 def drawn(text: str, file: str, folder: str) -> str:
-    """A dry run as a page; the tree where it has parameters without a value; a sentence where it is none."""
+    """A dry run as a page; the tree where it has parameters without a value or errors; a sentence where it is none."""
     try:
         spec = parse_tree(text, file, load_skills())
     except MpviError:
-        return sentence("There is no drawing while the tree has errors.")
+        return _sketch(text, file)
     try:
         return _dry(spec, Path(folder, "dry.trace.jsonl"))
     except MpviError:
         return tree_page(spec)
+
+
+def _sketch(text: str, file: str) -> str:
+    try:
+        return sketch_page(text, file)
+    except FileProblems as error:
+        return sentence(f"There is no drawing: {error.problems[0].message}")
 
 
 def _dry(spec: TreeSpec, trace: Path) -> str:

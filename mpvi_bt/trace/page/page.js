@@ -47,7 +47,7 @@ function showNode() {
     const handoff = log.entries.findLast((e) => e.more && e.path === node.path && e.frame <= still.frame);
     if (handoff) entry("last handoff", handoff.text, ...handoff.more.map((text) => make("p", { text })));
     parts.push(list, changes(node.path));
-  }
+  } else if (state?.feedback) parts.push(make("p", { text: state.feedback }));
   $("node").lastElementChild.replaceChildren(...parts);
 }
 
@@ -89,7 +89,7 @@ function start() {
   outline.build(data.trees[0]);
   if (play) startPlayer();
   else {
-    outline.show(new Moment(0, [], new Map()), 0);
+    outline.show(new Moment(0, data.states ?? [], new Map()), 0);
     showNode();
   }
 
