@@ -8,7 +8,7 @@ bin := $(VENV)/bin
 run_tests = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(bin)/pytest --numprocesses $(TEST_WORKERS) --maxprocesses 8 --dist worksteal
 pip_install = $(bin)/python -m pip install --quiet --constraint constraints.txt
 
-.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick docs results docs-links setup-docs clean
+.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick docs results editor docs-links setup-docs clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1 @ /p' Makefile | column -t -s @
@@ -54,6 +54,9 @@ docs: setup-docs  ## build the site in docs/_build/html; a warning, such as a de
 
 results:  ## write the tables of measurements into docs/, from benchmarks/results/
 	$(bin)/python -m benchmarks.tables
+
+editor:  ## bundle CodeMirror for the page of `mpvi edit` anew (needs npm and a network; the bundle is committed)
+	cd scripts/editor && npm ci --ignore-scripts --no-audit --no-fund && node build.mjs
 
 docs-links: setup-docs  ## ask every address on the pages whether it is still there (needs a network)
 	$(bin)/sphinx-build -q -b linkcheck docs docs/_build/links

@@ -9,9 +9,11 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -19,11 +21,16 @@ from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
 from mpvi_bt.authoring.checking import problems_in
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.errors import Problem, UserError
+from mpvi_bt.marked_yaml import parse_marked
+from mpvi_bt.tree.reader import sketch
+from mpvi_bt.tree.tree_file import TreeReading
+from mpvi_bt.tree.yaml_io import parse_tree
 from mpvi_bt.watch.drawer import Drawer
 from mpvi_bt.watch.edited_file import FileText
 from mpvi_bt.watch.edited_tree import Edited
-from tests.browser import BROWSER, Browser, browser
+from tests.browser import BROWSER, Browser, Tab, browser
 from tests.test_html import Tags
 from tests.test_watch import TREE, serving
 
@@ -162,7 +169,7 @@ def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
 
 
 def test_the_drawing_is_a_dry_run(tmp_path: Path) -> None:
-    """A tree that can be run is shown as its run; one that lacks a parameter as a tree; a wrong one not at all."""
+    """A tree that can be run is shown as its run; one that lacks a parameter or is wrong as a tree; else it is said."""
     file = tmp_path / "tree.yaml"
     file.write_text(TREE, encoding="utf-8")
     edited = Edited(file)
@@ -172,6 +179,9 @@ def test_the_drawing_is_a_dry_run(tmp_path: Path) -> None:
     client.get("/")
     assert Tags(client.get("/drawing").text).data["frames"] is None
     file.write_text("tree: t\nroot:\n  wiat: 1\n", encoding="utf-8")
+    client.get("/")
+    assert Tags(client.get("/drawing").text).data["states"][0]["is"] == "failure"
+    file.write_text("name: a skill\n", encoding="utf-8")
     client.get("/")
     assert "no drawing" in client.get("/drawing").text
     edited.close()
@@ -239,31 +249,120 @@ def test_no_file_is_left_where_the_server_has_gone(tmp_path: Path) -> None:
     assert not folder.exists()
 
 
+def press(tab: Tab, key: str, number: int, ctrl: bool = False) -> None:
+    held: dict[str, Any] = {"key": key, "code": key, "windowsVirtualKeyCode": number, "modifiers": 2 * ctrl}
+    tab.call("Input.dispatchKeyEvent", type="rawKeyDown", **held)
+    tab.call("Input.dispatchKeyEvent", type="keyUp", **held)
+
+
+def typed_at(tab: Tab, text: str, cursor: int = -1) -> None:
+    """Replace the text as if it had been typed, and put the cursor at a place from its end."""
+    at = len(text) + 1 + cursor
+    told = json.dumps(text)
+    change = f"{{changes: {{from: 0, to: editor.state.doc.length, insert: {told}}}, selection: {{anchor: {at}}}}}"
+    tab.eval(f"editor.focus(); editor.dispatch({change})")
+
+
+BUTTONS = "[...document.querySelectorAll('#palette button')]"
+PROPOSED = "[...document.querySelectorAll('.cm-tooltip-autocomplete .cm-completionLabel')].map((it) => it.textContent)"
+
+
 @pytest.mark.slow
 def test_the_page_helps_who_types(chromium: Browser, tmp_path: Path) -> None:
-    """A new line is indented as the one before, problems are told before a save, and a drawing stays until the next."""
+    """A new line is indented, problems are marked in place before a save, Ctrl+S saves and Ctrl+Z takes back."""
     file = tmp_path / "tree.yaml"
     file.write_text(TREE, encoding="utf-8")
+    wrong = TREE.replace("wait: 1", "wiat: 1")
     with serving("edit", str(file), "--serve=0", cwd=tmp_path) as (url, _):
         tab = chromium.tab(url)
         tab.until("document.querySelector('#drawing')?.src.endsWith('drawing?1')")
-        tab.eval(
-            "$('text').focus(); $('text').setSelectionRange($('text').value.length - 1, $('text').value.length - 1)"
-        )
-        tab.call("Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", windowsVirtualKeyCode=13)
-        tab.call("Input.insertText", text="- wiat: 1")
-        assert tab.eval("$('text').value").endswith("\n          - fail: nothing_there\n          - wiat: 1\n")
+        typed_at(tab, TREE, -2)
+        press(tab, "Enter", 13)
+        tab.call("Input.insertText", text="# next")
+        assert tab.eval("text()") == TREE + " " * 12 + "# next\n"  # below "fail"
+        typed_at(tab, wrong)
         tab.until("document.querySelector('#problems h2').textContent === '1 problem, not saved'")
-        assert tab.eval("$('lines').textContent.split('\\n')[13]") == "● 14"
+        assert tab.eval("document.querySelector('.cm-lintRange-error').textContent") == "wiat"
+        assert tab.eval("document.querySelectorAll('.cm-lint-marker-error').length") == 1
+        assert tab.eval("!!document.querySelector('.tok-propertyName')")
         tab.click("#problems button")
         assert tab.eval("getSelection().toString()") == "wiat"
         assert file.read_text(encoding="utf-8") == TREE
-        tab.click("#save")
+        press(tab, "s", 83, ctrl=True)
         tab.until("document.querySelector('#problems h2').textContent === '1 problem'")
-        assert tab.eval("$('drawing').className + $('drawing').src").endswith("drawing?1")
-        assert tab.eval("$('drawing').className") == "stale"
-        file.write_text(TREE, encoding="utf-8")
-        tab.until("$('drawing').src.endsWith('drawing?3') && !$('drawing').className")
+        assert file.read_text(encoding="utf-8") == wrong
+        press(tab, "z", 90, ctrl=True)
+        tab.until(f"text() !== {json.dumps(wrong)}")
+        assert file.read_text(encoding="utf-8") == wrong
+        assert tab.eval("!$('save').disabled")
+
+
+@pytest.mark.slow
+def test_what_fits_is_proposed(chromium: Browser, tmp_path: Path) -> None:
+    """Kinds where a node goes, the parameters of a kind behind it, and names of what there is."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    top = "tree: t\nparameters: {place: text}\nroot:\n"
+    below = top + "  sequence: all\n  memory: true\n  children:\n"
+    cases = [
+        ("", {"tree", "root", "parameters"}, {"wait"}),
+        (top + "  ", {"sequence", "wait", "subtree"}, {"memory", "tree"}),
+        (below + "    - ", {"sequence", "wait", "subtree"}, {"memory", "children"}),
+        (below + "    - timeout: 3\n      child:\n        ", {"wait", "navigate"}, {"child"}),
+        (below + "    - navigate: sofa\n      ", {"room", "elsewhere"}, {"navigate", "wait", "children"}),
+        (below + "    - navigate: ", {"$place"}, {"sofa"}),
+        (below + "    - subtree: ", {"fetch", "go_to"}, {"sofa"}),
+        (below + "    - subtree: fetch\n      arguments:\n        ", {"object", "to"}, {"sofa"}),
+        (below + "    - check_complete: done\n      skill: ", {"pick", "place_in"}, {"sofa"}),
+        (below + "    - manipulate: ", {"close up {object}"}, {"sofa"}),
+        (below + "    - sequence: x\n      memory: ", {"true", "false"}, {"sofa"}),
+        (top + "  parallel: x\n  policy: ", {"success_on_all", "success_on_one"}, {"sofa"}),
+    ]
+    with serving("edit", str(file), "--serve=0", cwd=tmp_path) as (url, _):
+        tab = chromium.tab(url)
+        tab.until("typeof editor === 'object'")
+        for text, there, not_there in cases:
+            typed_at(tab, text)
+            tab.eval("CodeMirror.startCompletion(editor)")
+            found = set(tab.until(f"({PROPOSED}).includes({json.dumps(min(there))}) && {PROPOSED}"))
+            assert there <= found, text
+            assert not not_there & found, text
+
+
+def test_nodes_of_ones_own_are_proposed_too(tmp_path: Path) -> None:
+    """Those in a file beside the tree, while others of its `nodes:` cannot be read."""
+    (tmp_path / "mine.py").write_text(
+        "from py_trees.behaviour import Behaviour\n\n\nclass Blink(Behaviour):\n"
+        '    """Blinks."""\n\n    def __init__(self, name: str, times: int):\n        super().__init__(name)\n'
+    )
+    file = tmp_path / "tree.yaml"
+    file.write_text("tree: t\nnodes: [mine.py, nowhere.py]\nroot:\n  blink: 2\n", encoding="utf-8")
+    schema = Tags(TestClient(Edited(file).app).get("/").text).data["schema"]
+    assert schema["definitions"]["node"]["properties"]["blink"] == {"description": "Blinks."}
+
+
+@pytest.mark.slow
+def test_the_palette_inserts_what_can_be_read(chromium: Browser, tmp_path: Path) -> None:
+    """At whatever line the cursor is, each kind becomes a node of its own, and no other changes."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    lines = TREE.count("\n")
+    kinds = list(node_types())
+    with serving("edit", str(file), "--serve=0", cwd=tmp_path) as (url, _):
+        tab = chromium.tab(url)
+        tab.until("typeof editor === 'object'")
+        assert tab.eval(f"{BUTTONS}.length") == len(kinds)
+        for i, kind in enumerate(kinds):
+            for line in {1 + i % lines, lines}:
+                typed_at(tab, TREE)
+                tab.eval(f"editor.dispatch({{selection: {{anchor: editor.state.doc.line({line}).to}}}})")
+                tab.eval(f"{BUTTONS}.find((it) => it.textContent === '{kind}').click()")
+                reading = TreeReading()
+                tree = sketch(*parse_marked(tab.eval("text()"), "t.yaml"), reading)
+                assert tree is not None
+                before = parse_tree(TREE)
+                assert len(tree.nodes) - len(before.nodes) in (1, 2), (kind, line)  # a composite has room for a child
+                assert kind in Counter(n.spec.kind for n in tree.nodes) - Counter(n.spec.kind for n in before.nodes)
 
 
 @pytest.mark.slow
@@ -286,7 +385,7 @@ def test_problems_are_shown_soon_after_a_save(chromium: Browser, tmp_path: Path)
             took.append(time.monotonic() - began)
         print("seconds from save to page:", [round(s, 3) for s in took])
         assert min(took) < 1.0  # 0.26 to 0.65 s were seen on two cores, 0.13 to 0.26 s of them the server's
-        tab.eval("document.querySelector('#text').value += '# mine'; typed()")
+        tab.eval("editor.dispatch({changes: {from: editor.state.doc.length, insert: '# mine'}})")
         file.write_text(long_tree(2000), encoding="utf-8")
         tab.until("document.querySelector('#said').textContent.includes('changed on disk')")
-        assert tab.eval("document.querySelector('#text').value.endsWith('# mine')")
+        assert tab.eval("text().endsWith('# mine')")

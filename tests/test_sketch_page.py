@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.tree.writer import dump_tree
 from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.watch.dry_page import drawn as page_of
 from mpvi_bt.watch.sketch_page import sketch_page
 from tests.test_html import Tags
 
@@ -105,3 +107,10 @@ def test_one_wrong_key_press_never_breaks_the_drawing(at: int, char: str) -> Non
         assert Tags(sketch_page(text[:at] + char + text[at:], "t.yaml")).data["trees"][0]
     except FileProblems as error:
         assert error.problems
+
+
+def test_what_is_said_in_place_of_a_drawing_is_no_markup(tmp_path: Path) -> None:
+    """Whatever the text holds."""
+    page = page_of("<script>: 1\n", "t.yaml", str(tmp_path))
+    assert "There is no drawing: " in page
+    assert "<script>" not in page

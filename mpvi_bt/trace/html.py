@@ -219,8 +219,10 @@ def page(tree: TreeSpec, data: dict[str, Any], more: More = More()) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], asset("page.html"))
 
 
-def filled(template: str, title: str, script: str, style: str, allows: str, data: str) -> str:
-    """A page of ours that runs its own script and style, and nothing else.
+def filled(
+    template: str, title: str, script: str, style: str, allows: str, data: str, scripts: str = "", styles: str = ""
+) -> str:
+    """A page of ours that runs its own script and style, and nothing else that is not named.
 
     Args:
         template: With title, policy, style, data and script to fill in.
@@ -228,8 +230,9 @@ def filled(template: str, title: str, script: str, style: str, allows: str, data
         script, style: Its own.
         allows: What its content policy allows besides.
         data: As `embedded` gives them.
+        scripts, styles: Sources of others, as a content policy names them.
     """
-    ours = f"script-src '{digest(script)}'; style-src '{digest(style)}'"
+    ours = f"script-src '{digest(script)}' {scripts}; style-src '{digest(style)}' {styles}"
     parts = {
         "title": html.escape(one_line(title)),
         "policy": f"default-src 'none'; {ours}; {allows}; base-uri 'none'",

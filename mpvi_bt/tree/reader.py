@@ -47,8 +47,8 @@ def sketch(
 ) -> TreeSpec | None:
     """As `read`, of a tree that may be wrong: what is wrong with a node makes it a `BrokenNode`.
 
-    None if it has no root, or if its own nodes cannot be read. Raises FileProblems where there are so many problems that
-    more are no help.
+    None if it has no root, or if nodes of its own cannot be read. Raises FileProblems where there are so many problems
+    that more are no help.
     """
     if reading.expanded and isinstance(data, dict):
         told = data.get("nodes", {})

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import html
 import json
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.trace.html import digest, page_style
 
 
@@ -81,4 +83,4 @@ def sentence(text: str) -> str:
     style = page_style()
     policy = f"default-src 'none'; style-src '{digest(style)}'"
     head = f'<!doctype html><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
-    return f"{head}<style>{style}</style><header><p>{text}</p></header>"
+    return f"{head}<style>{style}</style><header><p>{html.escape(one_line(text))}</p></header>"

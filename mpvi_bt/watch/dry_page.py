@@ -45,8 +45,9 @@ def drawn(text: str, file: str, folder: str) -> str:
 def _sketch(text: str, file: str) -> str:
     try:
         return sketch_page(text, file)
-    except FileProblems as error:
-        return sentence(f"There is no drawing: {error.problems[0].message}")
+    except MpviError as error:
+        why = error.problems[0].message if isinstance(error, FileProblems) else str(error)
+        return sentence(f"There is no drawing: {why}")
 
 
 def _dry(spec: TreeSpec, trace: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import secrets
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from mpvi_bt.watch.drawer import Drawer, sentence
 from mpvi_bt.watch.edited_file import MOST_BYTES, FileText, Unreadable, read_file_text, save_over
 from mpvi_bt.watch.feed import Feed
 from mpvi_bt.watch.page_requests import page_response, posted
+from mpvi_bt.watch.proposals import proposals
 from mpvi_bt.watch.watched_run import file
 
 _LOOK_S = 0.02  # between two looks at the file: a fraction of the 0.3 s in which its problems are to be shown
@@ -48,6 +50,7 @@ class Edited:
         self.app: ASGIApp = Starlette(
             routes=[
                 Route("/", self.page),
+                Route("/codemirror.js", self.component),
                 Route("/events", self.events),
                 Route("/drawing", self.drawing),
                 Route("/check", self.check, methods=["POST"]),
@@ -58,7 +61,11 @@ class Edited:
     async def page(self, request: Request) -> Response:
         """Text, problems and drawing."""
         await self._look()
-        return page_response(edit_page(self._path.name, self._data()))
+        return page_response(edit_page(self._path, self._data()))
+
+    async def component(self, request: Request) -> Response:
+        """The editor that the page's script puts to use."""
+        return Response(file("codemirror.js"), media_type="text/javascript")
 
     async def events(self, request: Request) -> StreamingResponse:
         """Text and problems whenever the file has changed."""
@@ -187,8 +194,13 @@ async def _said(request: Request) -> dict[str, Any] | None:
     return said if isinstance(said, dict) and isinstance(said.get("text"), str) else None
 
 
-def edit_page(name: str, data: dict[str, Any]) -> str:
+def edit_page(path: Path, data: dict[str, Any]) -> str:
     """The page, with the text as it is now."""
-    script, style = file("edit.js"), "\n".join((page_style(), file("edit.css")))
-    allows = "connect-src 'self'; frame-src 'self'; img-src 'self'"
-    return filled(file("edit.html"), name, script, style, allows, embedded({"name": name, **data}))
+    script = "\n".join(map(file, ("completion.js", "palette.js", "edit.js")))
+    style = "\n".join((page_style(), file("edit.css")))
+    nonce = secrets.token_urlsafe(16)  # for the styles that CodeMirror adds
+    allows = "connect-src 'self'; frame-src 'self'; img-src 'self' data:"  # CodeMirror draws its marks from such
+    told = embedded({"name": path.name, "nonce": nonce, **proposals(data["text"], path), **data})
+    return filled(
+        file("edit.html"), path.name, script, style, allows, told, scripts="'self'", styles=f"'nonce-{nonce}'"
+    )

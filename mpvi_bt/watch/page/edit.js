@@ -1,15 +1,10 @@
-"use strict";
-
 // The page of a tree that is edited: its text, its problems, and the drawing, which is a page of its own.
 
-const $ = (id) => document.getElementById(id);
-const first = JSON.parse($("data").textContent);
 const CHECK_MS = 300; // after the last key: who types is not interrupted
 let saved = first.text; // as it is on disk
 let base = first.base;
 let drawing = 0;
 let checking = 0;
-let marked = new Set(); // lines with problems
 
 function make(tag, text, on) {
   const element = document.createElement(tag);
@@ -18,24 +13,20 @@ function make(tag, text, on) {
   return element;
 }
 
-// Select the word at a place.
+const text = () => editor.state.doc.toString();
+
+// The word at a place; columns count code points, as Python does.
+function rangeAt(line, column) {
+  const found = editor.state.doc.line(Math.min(Math.max(line, 1), editor.state.doc.lines));
+  const start = Array.from(found.text).slice(0, Math.max(column - 1, 0)).join("").length;
+  const word = /^[\w$]+|^./.exec(found.text.slice(start))?.[0].length ?? 0;
+  return { from: found.from + start, to: found.from + start + word };
+}
+
 function goTo(line, column) {
-  const text = $("text").value;
-  const lines = text.split("\n");
-  const start = lines.slice(0, line - 1).reduce((sum, each) => sum + each.length + 1, 0) + Math.max(column - 1, 0);
-  $("text").focus();
-  $("text").setSelectionRange(start, start + (/^[\w$]+|^[^\n]/.exec(text.slice(start))?.[0].length ?? 0));
-  $("text").scrollTop = ((line - 8) / lines.length) * $("text").scrollHeight;
-}
-
-function number() {
-  const count = $("text").value.split("\n").length;
-  $("lines").textContent = Array.from({ length: count }, (_, i) => `${marked.has(i + 1) ? "●" : " "} ${i + 1}`).join("\n");
-  follow();
-}
-
-function follow() {
-  $("lines").scrollTop = $("text").scrollTop;
+  const { from, to } = rangeAt(line, column);
+  editor.dispatch({ selection: { anchor: from, head: to }, effects: CodeMirror.EditorView.scrollIntoView(from, { y: "center" }) });
+  editor.focus();
 }
 
 function tell(problems, where) {
@@ -47,42 +38,50 @@ function tell(problems, where) {
     row.dataset.is = severity === "error" ? "failure" : "idle";
     return row;
   }));
-  marked = new Set(problems.filter(({ file }) => !file).map(({ line }) => line));
+  const here = problems.filter(({ file, line }) => !file && line);
+  const marks = here.map(({ line, column, severity, message }) => (
+    { ...rangeAt(line, column), severity: severity === "note" ? "info" : severity, message }
+  ));
+  editor.dispatch(CodeMirror.setDiagnostics(editor.state, marks));
 }
 
-function draw({ problems, since }) {
-  const wrong = problems.some(({ severity }) => severity === "error");
-  $("problems").dataset.version = since;
+function draw({ since }) {
   clearTimeout(drawing);
-  $("drawing").className = wrong && $("drawing").src ? "stale" : ""; // a drawing stays until there is a better one
-  if ($("drawing").className) return;
   drawing = setTimeout(() => ($("drawing").src = `drawing?${since}`), 100); // the problems first
+}
+
+// Take over a text, the cursor where it was: what both begin and end with stays.
+function show(wanted) {
+  const now = text();
+  const most = Math.min(now.length, wanted.length);
+  let from = 0;
+  while (from < most && now[from] === wanted[from]) from++;
+  let end = 0;
+  while (end < most - from && now[now.length - 1 - end] === wanted[wanted.length - 1 - end]) end++;
+  if (now !== wanted) {
+    const changes = { from, to: now.length - end, insert: wanted.slice(from, wanted.length - end) };
+    editor.dispatch({ changes, annotations: CodeMirror.Transaction.remote.of(true) });
+  }
 }
 
 // What is typed and not saved is kept, whatever happens on disk.
 function take(data) {
   if (data.unreadable) $("said").textContent = `${data.unreadable}: it is left as it is`;
-  const own = $("text").value !== saved;
   if (data.text === saved && data.base === base) return;
-  if (!own || data.text === $("text").value) {
-    tell(data.problems, ""); // first: a long text takes longer to lay out
-    draw(data);
-    const at = [$("text").selectionStart, $("text").scrollTop];
-    if ($("text").value !== data.text) $("text").value = data.text;
-    [$("text").selectionStart, $("text").scrollTop] = at;
+  if (text() === saved || text() === data.text) {
     [saved, base] = [data.text, data.base];
+    show(saved);
+    tell(data.problems, "");
     $("said").textContent = "";
     $("save").disabled = true;
-    number();
   } else {
     $("said").textContent = "the file has changed on disk, and here too: copy what is yours, then reload";
-    draw(data);
   }
+  draw(data);
 }
 
 function typed() {
-  $("save").disabled = $("text").value === saved;
-  number();
+  $("save").disabled = text() === saved;
   clearTimeout(checking);
   checking = setTimeout(check, CHECK_MS);
 }
@@ -90,41 +89,49 @@ function typed() {
 const post = (to, data) => fetch(to, { method: "POST", body: JSON.stringify(data) }).catch(() => null);
 
 async function check() {
-  const text = $("text").value;
-  const answer = await post("check", { text });
-  if (answer?.ok && text === $("text").value) {
-    tell(await answer.json(), text === saved ? "" : ", not saved");
-    number();
-  }
+  const asked = text();
+  const answer = await post("check", { text: asked });
+  if (answer?.ok && asked === text()) tell(await answer.json(), asked === saved ? "" : ", not saved");
 }
 
 async function save() {
-  const answer = await post("text", { text: $("text").value, base });
+  const answer = await post("text", { text: text(), base });
   if (answer?.ok) take(await answer.json());
   else $("said").textContent = answer ? await answer.text() : "no connection: not saved";
 }
 
-// A new line begins below the one before.
-function indent(event) {
-  if (event.key !== "Enter" || event.shiftKey || event.ctrlKey || event.metaKey || event.isComposing) return;
-  const before = $("text").value.slice(0, $("text").selectionStart).split("\n").at(-1);
-  event.preventDefault();
-  document.execCommand("insertText", false, `\n${/^ */.exec(before)[0]}`); // which can be undone
-}
-
-function connected(is, text) {
+function connected(is, word) {
   $("connection").dataset.is = is;
-  $("connection").textContent = text;
+  $("connection").textContent = word;
 }
 
+const yaml = CodeMirror.yaml();
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const shade = new CodeMirror.Compartment();
+const editor = new CodeMirror.EditorView({
+  doc: saved,
+  parent: $("text"),
+  extensions: [
+    CodeMirror.EditorView.cspNonce.of(first.nonce),
+    CodeMirror.basicSetup,
+    yaml,
+    yaml.language.data.of({ autocomplete: complete }),
+    CodeMirror.lintGutter(),
+    CodeMirror.syntaxHighlighting(CodeMirror.classHighlighter),
+    shade.of(CodeMirror.EditorView.darkTheme.of(dark.matches)),
+    CodeMirror.EditorView.contentAttributes.of({ "aria-label": "The tree as YAML" }),
+    CodeMirror.EditorView.updateListener.of(({ docChanged, transactions }) => {
+      if (docChanged && !transactions.some((one) => one.annotation(CodeMirror.Transaction.remote))) typed();
+    }),
+  ],
+});
 $("name").textContent = first.name;
-$("text").value = saved;
 tell(first.problems, "");
-number();
 draw(first);
-$("text").addEventListener("input", typed);
-$("text").addEventListener("scroll", follow);
-$("text").addEventListener("keydown", indent);
+buildPalette(editor, $("palette"), (said) => ($("said").textContent = said));
+dark.addEventListener("change", () =>
+  editor.dispatch({ effects: shade.reconfigure(CodeMirror.EditorView.darkTheme.of(dark.matches)) }),
+);
 $("save").addEventListener("click", save);
 document.addEventListener("keydown", (event) => {
   if (!(event.ctrlKey || event.metaKey) || event.key !== "s") return;
@@ -132,7 +139,7 @@ document.addEventListener("keydown", (event) => {
   save();
 });
 window.addEventListener("beforeunload", (event) => {
-  if ($("text").value !== saved) event.preventDefault();
+  if (text() !== saved) event.preventDefault();
 });
 const source = new EventSource(`events?since=${first.since}`);
 source.onopen = () => connected("success", "live");
