@@ -281,3 +281,16 @@ def test_the_page_about_it_is_true(tmp_path: Path) -> None:
     """Every command of docs/debugging.md prints what stands there."""
     text = (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")
     assert play(text, tmp_path) == text
+
+
+def test_pauses_are_apart_in_wall_time() -> None:
+    """The time for which a person thinks is that of the pause, and of no subscriber."""
+
+    class Slow(io.StringIO):
+        def readline(self, *size: int | None) -> str:  # type: ignore[override]
+            time.sleep(0.05)
+            return super().readline()
+
+    outcome = run_dry(dry_tree(SPEC), subscribers=[Debugger(Slow("t\nt\nt\nc\n"), io.StringIO(), step=True)])
+    assert outcome.wall_s["paused"] >= 0.2
+    assert outcome.wall_s["watching"] < 0.1

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from mpvi_bt.drawing.text import Line
+from mpvi_bt.drawing.text import Line, tree_lines
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
 from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
+from mpvi_bt.goals.spoken import spoken, spoken_each, spoken_texts
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording import search_colors as colors
 from mpvi_bt.recording.cards import closing, opening
-from mpvi_bt.recording.frame_text import BAR, INKS, SIZE, Caption
+from mpvi_bt.recording.frame_icons import ICONS
+from mpvi_bt.recording.frame_text import BAR, INKS, LEGEND, SIZE, Caption, plain, write
+from mpvi_bt.recording.labels import Labels, Picture, Rectangle
+from mpvi_bt.recording.named_house import name_things
 from mpvi_bt.recording.path_picture import PathPicture, path_picture
 from mpvi_bt.recording.video import Follower, Video, compose
 from mpvi_bt.robot.protocol import CameraImage
@@ -26,6 +31,8 @@ from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.sim.cutaway import is_near
+from mpvi_bt.sim.views import look_at
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
@@ -33,6 +40,7 @@ from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import parse_tree
 from tests.navigation_maps import thing, two_rooms
 from tests.search_views import MadeUpSearch, find
+from tests.small_house import small_house
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
@@ -162,10 +170,13 @@ def test_the_video_of_a_search_shows_its_map(tmp_path: Path) -> None:
     world, file = VisibleWorld(), tmp_path / "episode.mp4"
     watch(world, Video(file, "waiting", frames_per_s=5, speed=1, search=MadeUpSearch()), spec=WAITING)
     shown = frames(file)
+    card, shown = shown[0], shown[6 * 5 :]
     assert len(shown) == 2 * 5 + 1 + 5
-    assert has(shown[0][:360, :480], (20, 200, 20), 30)
-    assert has(shown[0][360:, :800], colors.SEEN)
-    assert has(shown[0][360:, :800], colors.ROBOT, 30)
+    assert has(shown[0][:300, :400], (20, 200, 20), 30)
+    assert has(shown[0][300:, :800], colors.SEEN)
+    assert has(shown[0][300:, :800], colors.ROBOT, 30)
+    assert has(card[-80:], colors.FOUND, 30), "the colors are told once"
+    assert not has(shown[0][:, 800:], colors.FOUND, 30)
 
 
 def test_an_episode_leaves_its_picture_even_when_interrupted(tmp_path: Path) -> None:
@@ -185,6 +196,7 @@ def test_the_video_plays_with_a_frame_for_every_so_many_steps(tmp_path: Path) ->
     world, file = VisibleWorld(), tmp_path / "new" / "episode.mp4"
     watch(world, Video(file, "waiting", frames_per_s=5, speed=1), spec=WAITING)
     shown = frames(file)
+    shown = shown[6 * 5 :]  # after the card
     assert len(shown) == 2 * 5 + 1 + 5
     assert shown[0].shape == (SIZE[1], SIZE[0], 3)
     assert has(shown[0][:500, :700], (20, 200, 20), 30)
@@ -273,3 +285,85 @@ def test_the_following_camera_looks_at_the_robot_and_stays_upright() -> None:
         seen = np.linalg.inv(T) @ np.array([pose[0], pose[1], 0.7, 1.0])
         assert seen[2] > 0.5
         assert np.abs(seen[:2] / seen[2]).max() < 0.55
+
+
+def test_films_draw_the_signs_of_trees() -> None:
+    """Each sign of a node and mark of a state is drawn as itself: none is left out, no two look alike."""
+    drawn: dict[str, bytes] = {}
+    for icon in sorted(ICONS):
+        frame = np.zeros((30, 30, 3), np.uint8)
+        write(frame, plain(icon), (10, 20), (255, 255, 255))
+        assert frame.any(), icon
+        drawn[icon] = frame.tobytes()
+    assert len(set(drawn.values())) == len(drawn)
+    signs = {character for text in LEGEND for character in text if not character.isascii()}
+    assert signs <= ICONS
+    spec = parse_tree(
+        "tree: t\nroot:\n  selector: s\n  memory: true\n  children: [{retry: 2, child: {wait: 1}}, {wait: 2}]\n"
+    )
+    assert all("?" not in plain(line.text).replace("?*", "") for line in tree_lines(spec, {}, 59, unicode=True))
+
+
+def test_people_read_no_synsets() -> None:
+    """Names of things are said in words, with their number where there are several of them."""
+    assert spoken("can__of__soda.n.01_1") == "can of soda"
+    assert spoken("countertop_2") == "countertop"
+    assert list(spoken_each(["cup.n.01_1", "cup.n.01_2", "tray.n.01_1"]).values()) == ["cup 1", "cup 2", "tray"]
+    assert spoken_texts(["inside(can__of__soda.n.01_1, ashcan.n.01_1)", "not open(ashcan.n.01_1)"]) == [
+        "inside(can of soda, ashcan)",
+        "not open(ashcan)",
+    ]
+
+
+def test_a_house_is_named_where_its_things_are() -> None:
+    """Names do not overlap; one alone is over its thing; what is behind the camera has none."""
+    picture = np.zeros((480, 640, 3), np.uint8)
+    camera = look_at((0.0, 0.0, 10.0), (0.0, 0.0, 0.0))
+
+    def cube(x: float, y: float, z: float = 0.0) -> Array:
+        return np.array([[x, y, z], [x + 0.2, y + 0.2, z + 0.2]])
+
+    things = [(f"thing {k}", cube(*place)) for k, place in enumerate(np.random.default_rng(0).uniform(-1, 1, (60, 2)))]
+    taken = name_things(picture, camera, 0.6, [("behind", cube(0, 0, 20)), *things])
+    assert 5 < len(taken) < 60
+    for i, (a, b, c, d) in enumerate(taken):
+        assert all(c <= e or g <= a or d <= f or h <= b for e, f, g, h in taken[:i])
+    ((a, b, c, d),) = name_things(picture.copy(), camera, 0.6, [("table", cube(-0.1, -0.1))])
+    assert a < 320 < c
+    assert b < 240 < d
+
+
+def test_the_walls_before_rooms_are_near() -> None:
+    """Of a house of one room the south wall hides it, from the inside and from the outside; the others do not."""
+    house = small_house()
+    near = [wall for wall in house.walls if is_near(wall, house)]
+    assert {wall.room for wall in near} == {wall.room for wall in house.walls}
+    assert all(wall.solid.aabb()[:, 1].mean() < -2.8 for wall in near)
+    assert 0 < len(near) < len(house.walls)
+
+
+def test_labels_of_a_picture_cover_neither_one_another_nor_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However near each other start, end, goals and things are."""
+    every: list[Labels] = []
+
+    class Kept(Labels):
+        def __init__(self, picture: Picture, size: float = 0.42) -> None:
+            super().__init__(picture, size)
+            self.written: list[Rectangle] = []
+            every.append(self)
+
+        def _write(self, text: str, at: tuple[int, int], place: Rectangle, *inks: Any) -> None:
+            self.written.append(place)
+            super()._write(text, at, place, *inks)
+
+    monkeypatch.setattr("mpvi_bt.recording.map_canvas.Labels", Kept)
+    poses = np.array([[1.0, 2.0, 0.0], [1.1, 2.1, 0.0], [1.3, 2.0, 1.0]])
+    things = {f"can__of__soda.n.01_{k}": np.array([1.4 * k, 0.8 + 0.2 * k]) for k in range(1, 5)}
+    path_picture(two_rooms(), poses, R1.base.outline, things, things, list(poses))
+    small, rooms = every
+    texts = [*small.written, *rooms.written]
+    assert len(texts) > 6
+    for k, (a, b, c, d) in enumerate(texts):
+        assert all(c <= e or g <= a or d <= f or h <= b for e, f, g, h in texts[:k])
+    taken = small.taken
+    assert len(taken) == len(texts) + 2 + len(poses)  # and start, end and goals, which no text covers

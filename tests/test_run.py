@@ -173,6 +173,14 @@ def test_the_score_says_what_matters_within_80_columns() -> None:
         assert part in text
 
 
+def test_a_pause_is_wall_time_and_no_work() -> None:
+    """How long a person let it wait is told in seconds; shares are of the rest."""
+    loop = {"stepping": 6.0, "watching": 1.0, "paused": 990.0, "total": 999.0}
+    assert "10.0 s, and 990.0 s paused: stepping 60%, watching 10%, setting up" in " ".join(
+        score(result(wall={"total_s": 1000.0, "setup_s": 1.0, "loop": loop})).split()
+    )
+
+
 @pytest.mark.parametrize(
     ("success", "normalized", "said"), [(True, 0.5, True), (False, 0.5, False), (True, None, False)]
 )

@@ -185,7 +185,7 @@ class Still:
 
 def head(frame: Picture) -> Picture:
     """The head's picture in a frame."""
-    return frame[:360, 480:960]
+    return frame[:300, 400:800]
 
 
 def shoot(frames: SearchFrames, world: Still, time_s: float) -> Picture:
@@ -200,10 +200,10 @@ def test_detections_are_boxed_in_the_picture_that_they_were_made_in() -> None:
     frames = SearchFrames(search)
     frame = shoot(frames, world, 10.0)
     assert frame.shape == (SIZE[1], SIZE[0], 3)
-    rows, columns = np.nonzero((head(frame)[160:] == colors.THINGS[0]).all(-1))
-    assert columns.min() == pytest.approx(150, abs=3)
-    assert columns.max() == pytest.approx(210, abs=3)
-    assert rows.max() + 160 == pytest.approx(225, abs=3)
+    rows, columns = np.nonzero((head(frame)[130:] == colors.THINGS[0]).all(-1))
+    assert columns.min() == pytest.approx(125, abs=3)
+    assert columns.max() == pytest.approx(175, abs=3)
+    assert rows.max() + 130 == pytest.approx(187, abs=3)
     assert has(head(frame), (90, 90, 90))
     assert has(head(shoot(frames, world, 10.4)), colors.THINGS[0])
     assert world.looks == 0
@@ -228,5 +228,5 @@ def test_a_phrase_keeps_its_color() -> None:
     shoot(frames, world, 0.0)
     search.detections = [box("bin", 10, 100, 60, 150, score=1.0), box("can", 100, 100, 140, 150)]
     frame = head(shoot(frames, world, 0.1))
-    assert has(frame[150:225, 150:215], colors.THINGS[0])
-    assert has(frame[150:225, 15:95], colors.THINGS[1])
+    assert has(frame[125:190, 125:180], colors.THINGS[0])
+    assert has(frame[125:190, 12:80], colors.THINGS[1])

@@ -144,9 +144,14 @@ def _entry(name: str, text: str) -> str:
 
 
 def _wall(wall: Mapping[str, Any]) -> str:
-    """Where the wall time went, the largest part first; what took less than a hundredth of it is left out."""
-    total = wall["total_s"]
+    """Where the wall time went, the largest part first; what took less than a hundredth of it is left out.
+
+    For how long it was paused is told apart, in seconds: shares are of the time in which it worked.
+    """
     parts = {"setting up": wall["setup_s"], **wall["loop"]}
     parts.pop("total", None)
+    paused = parts.pop("paused", 0.0)
+    total = max(wall["total_s"] - paused, 1e-9)
     shares = sorted(((seconds / total, name) for name, seconds in parts.items()), reverse=True)
-    return f"{total:.1f} s: " + ", ".join(f"{name} {share:.0%}" for share, name in shares if share >= 0.01)
+    head = f"{total:.1f} s" + (f", and {paused:.1f} s paused" if paused else "")
+    return f"{head}: " + ", ".join(f"{name} {share:.0%}" for share, name in shares if share >= 0.01)

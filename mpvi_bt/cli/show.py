@@ -74,18 +74,30 @@ def draw(entry: CatalogueEntry, path: Path, size: tuple[int, int] = _LARGE) -> N
 
 
 def _house(name: str) -> NDArray[np.uint8]:
-    """The house of a task from above, as its first instance begins."""
+    """The house of a task from above, as its first instance begins, with the names of what is in it."""
+    import numpy as np
+
     from mpvi_bt.house.house import load_house
     from mpvi_bt.instances.instances import begin, expanded_problem
     from mpvi_bt.instances.tasks import load_task
+    from mpvi_bt.recording.named_house import name_things
+    from mpvi_bt.sim.cutaway import cutaway
     from mpvi_bt.sim.views import overview
     from mpvi_bt.things.catalogue import load_catalogue
 
     task, catalogue = load_task(name), load_catalogue()
     house = load_house(task.house)
-    world, _ = begin(task, house, catalogue, expanded_problem(task, house), 0)
+    world, start = begin(task, house, catalogue, expanded_problem(task, house), 0)
     aspect = _WIDE[0] / _WIDE[1]
-    return world.look_from(overview(house, _FOV_RAD, aspect, _TILT_RAD), _WIDE, _FOV_RAD).rgb
+    camera = overview(house, _FOV_RAD, aspect, _TILT_RAD)
+    picture = cutaway(world, camera, _WIDE, _FOV_RAD)
+    things = [
+        (start.objects[name].entry.phrases[0], np.concatenate([solid.aabb() for solid in world.solids(name)]))
+        for name in world.objects
+    ]
+    things += [(fixture.entry.phrases[0], fixture.extent()) for fixture in house.fixtures.values()]
+    name_things(picture, camera, _FOV_RAD, things)
+    return picture
 
 
 def _keep(picture: NDArray[np.uint8], path: Path) -> None:

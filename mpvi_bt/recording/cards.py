@@ -9,36 +9,67 @@ import numpy as np
 from mpvi_bt.drawing.cells import cut
 from mpvi_bt.drawing.endings import is_plan
 from mpvi_bt.executive.loop import Outcome
-from mpvi_bt.recording.frame_text import DIM, INK, INKS, PAPER, PITCH_PX, SIZE, plain, wrapped, write
+from mpvi_bt.goals.spoken import spoken_texts
+from mpvi_bt.recording import search_colors as colors
+from mpvi_bt.recording.frame_text import DIM, INK, INKS, LEGEND, PAPER, PITCH_PX, SIZE, plain, wrapped, write
 from mpvi_bt.recording.labels import Color, Picture
+from mpvi_bt.recording.map_picture import hatched
 from mpvi_bt.tree.spec import TreeSpec
 
 _LEFT, _TOP = 64, 76  # of the first line [px]
 _TITLE, _TEXT, _LIST = 2.0, 1.6, 1.25  # letters, of those that frames have
 _STEP_PX = 36, 26  # from line to line of the text, and of the list
-_FOOT_PX = 40  # below the list
+_FOOT_PX, _LEGEND_PX = 40, 18  # below the list, and of a line of the legend there
+_SWATCH = (22, 12)
+# Of the map of a search.
+_MAP_COLORS: tuple[tuple[str, Color], ...] = (
+    ("seen", colors.SEEN),
+    ("in view", colors.IN_VIEW),
+    ("not seen", colors.UNSEEN),
+    ("not known", colors.UNKNOWN),
+    ("wall, furniture", colors.WALL),
+    ("frontier", colors.FRONTIER),
+    ("path, goal", colors.PATH),
+    ("way", colors.WAY),
+    ("found", colors.FOUND),
+    ("robot", colors.ROBOT),
+)
 
 
-def opening(title: str, about: str, tree: TreeSpec) -> Picture | None:
-    """What the robot was told, and its plan as far as the tree is one; None where it was told nothing.
+def opening(title: str, about: str, tree: TreeSpec, search: bool = False) -> Picture:
+    """What the robot was told, its plan as far as the tree is one, and what signs and colors mean.
 
     Args:
         title: Of the episode.
         about: Who does what in it, or "".
         tree: As it is at the start.
+        search: Whether frames show the map of a search.
 
     Returns:
         (720, 1280, 3) uint8 RGB.
     """
-    if not tree.instruction:
-        return None
     units = [node.spec.label for node in tree.nodes if node.depth == 1] if is_plan(tree) else []
     heading = f"The plan, {len(units)} units" if units else ""
     rows = [(unit.removeprefix("attempt: "), INK) for unit in units]
-    card = _card(title, tree.instruction, heading, rows)
-    for line in wrapped(about, SIZE[0] - 2 * _LEFT, 1):
-        write(card, line, (_LEFT, SIZE[1] - _FOOT_PX // 2), DIM)
+    below = [*wrapped(about, SIZE[0] - 2 * _LEFT, 1), *LEGEND]
+    foot = _FOOT_PX + _LEGEND_PX * (len(below) - 1 + search)
+    card = _card(title, tree.instruction or tree.about, heading, rows, foot)
+    y = SIZE[1] - foot + _FOOT_PX // 2
+    for line in below:
+        write(card, line, (_LEFT, y), DIM)
+        y += _LEGEND_PX
+    if search:
+        _write_colors(card, y)
     return card
+
+
+def _write_colors(card: Picture, y: int) -> None:
+    """What the colors of a search's map mean, in a line."""
+    left, (width, height) = _LEFT, _SWATCH
+    for word, color in _MAP_COLORS:
+        card[y - height + 1 : y + 1, left : left + width] = hatched(color, (height, width))
+        write(card, word, (left + width + 5, y), DIM)
+        left += width + round((len(word) + 2) * PITCH_PX) + 5
 
 
 def closing(outcome: Outcome, tree: TreeSpec) -> Picture | None:
@@ -54,12 +85,16 @@ def closing(outcome: Outcome, tree: TreeSpec) -> Picture | None:
     if outcome.goal is None:
         return None
     q, _, ended = outcome.told(tree).partition(", ")
-    marks = {True: ("[o] ", INKS["success"]), False: ("[x] ", INKS["failure"])}
-    conditions = [(marks[c.satisfied][0] + c.text, marks[c.satisfied][1]) for c in outcome.goal.conditions]
+    texts = spoken_texts(condition.text for condition in outcome.goal.conditions)
+    marks = {True: ("✓ ", INKS["success"]), False: ("✕ ", INKS["failure"])}
+    conditions = [
+        (marks[condition.satisfied][0] + text, marks[condition.satisfied][1])
+        for condition, text in zip(outcome.goal.conditions, texts, strict=True)
+    ]
     return _card(q, ended, "The goal, as the simulator's state has it", conditions)
 
 
-def _card(title: str, text: str, heading: str, rows: Sequence[tuple[str, Color]]) -> Picture:
+def _card(title: str, text: str, heading: str, rows: Sequence[tuple[str, Color]], foot: int = _FOOT_PX) -> Picture:
     """A title, a text, and a list under a heading: in full lines if they fit, else in two columns, its end counted."""
     card = np.full((SIZE[1], SIZE[0], 3), PAPER, np.uint8)
     room = SIZE[0] - 2 * _LEFT
@@ -71,7 +106,7 @@ def _card(title: str, text: str, heading: str, rows: Sequence[tuple[str, Color]]
     y += 2 * _STEP_PX[1]
     write(card, heading, (_LEFT, y), DIM, _LIST)
     y += 8
-    deep = (SIZE[1] - _FOOT_PX - y) // _STEP_PX[1]
+    deep = (SIZE[1] - foot - y) // _STEP_PX[1]
     lines = [(line, ink) for row, ink in rows for line in _hanging(row, room / _LIST)]
     across = 1
     if len(lines) > deep:

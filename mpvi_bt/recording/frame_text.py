@@ -6,8 +6,9 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mpvi_bt.drawing.symbols import Standing
-from mpvi_bt.drawing.text import LEGEND, Line, left_out, window
+from mpvi_bt.drawing.symbols import MARKS, Standing, legend
+from mpvi_bt.drawing.text import Line, left_out, window
+from mpvi_bt.recording.frame_icons import ICONS, draw_icon
 from mpvi_bt.recording.labels import Color, Picture
 
 SIZE = (1280, 720)  # of a frame: width, height
@@ -16,12 +17,12 @@ INK: Color = (226, 228, 232)
 DIM: Color = (140, 146, 158)
 COLUMNS, LINE_PX = 59, 15  # of the tree's text
 WRIST = (160, 120)  # picture of a wrist camera
-INKS: Mapping[Standing, Color] = {
-    "running": (120, 200, 255),
-    "success": (130, 210, 140),
-    "failure": (255, 120, 110),
-    "gave_up": (255, 190, 90),
+INKS: Mapping[Standing, Color] = {  # what is idle is dim
+    name: (int(mark.dark[1:3], 16), int(mark.dark[3:5], 16), int(mark.dark[5:7], 16))
+    for name, mark in MARKS.items()
+    if name != "idle"
 }
+LEGEND = (legend(unicode=True), "→ sequence  ? selector  * remembers which child ran  ⇉ parallel  ◇ decorator")
 BAR: Color = (32, 84, 128)  # behind the node in force
 PITCH_PX = 7.8  # of a letter
 
@@ -50,8 +51,8 @@ class Caption:
 
 
 def plain(text: str) -> str:
-    """The text in letters that OpenCV has."""
-    return text.encode("ascii", "replace").decode()
+    """The text in letters that OpenCV has, and icons."""
+    return "".join(character if character.isascii() or character in ICONS else "?" for character in text)
 
 
 def wrapped(text: str, width_px: float, lines: int) -> list[str]:
@@ -88,13 +89,6 @@ def write_answers(frame: Picture, answers: Sequence[str], left: int, bottom: int
             write(frame, line, (left, bottom - k * LINE_PX), DIM if k else INK)
 
 
-def write_legend(frame: Picture, left: int, bottom: int) -> None:
-    """What the marks of nodes mean, in two lines that end at `bottom`."""
-    half = LEGEND.index("[!]")
-    write(frame, LEGEND[:half], (left, bottom - 16), DIM)
-    write(frame, LEGEND[half:], (left, bottom), DIM)
-
-
 def show_wrists(frame: Picture, wrists: Mapping[str, Picture], right: int, bottom: int) -> None:
     """The wrist cameras' pictures side by side, their lower right corner there, each with its side."""
     import cv2
@@ -115,7 +109,9 @@ def write(frame: Picture, text: str, at: tuple[int, int], color: Color, scale: f
 
     font, size, pitch_px, thick = cv2.FONT_HERSHEY_SIMPLEX, 0.45 * scale, PITCH_PX * scale, max(1, round(0.8 * scale))
     for k, character in enumerate(text):
-        if character != " ":
+        if character in ICONS:
+            draw_icon(frame, character, (at[0] + k * pitch_px, at[1]), (pitch_px, LINE_PX * scale), color, scale)
+        elif character != " ":
             width = cv2.getTextSize(character, font, size, thick)[0][0]
             place = round(at[0] + k * pitch_px + (pitch_px - width) / 2), at[1]
             cv2.putText(frame, character, place, font, size, color, thick, cv2.LINE_AA)

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from mpvi_bt.goals.spoken import spoken_each
 from mpvi_bt.recording import search_colors as colors
-from mpvi_bt.recording.labels import Labels, Picture
+from mpvi_bt.recording.labels import Labels, Picture, Rectangle
 from mpvi_bt.recording.map_picture import hatch
 from mpvi_bt.recording.search_view import Mask, SearchView, called, cropped, extent, room_places
 from mpvi_bt.robot.linear_algebra import norm
@@ -104,10 +105,10 @@ class Canvas:
         for name in after:
             color = _MOVED if name in moved else _INK
             self._cv.circle(self._rgb, self._px(after[name]).tolist(), radius - 2, color, -1, self._cv.LINE_AA)
+        words = spoken_each(before)
         # What a search has found is named itself.
         for name in moved[:_OBJECTS_NAMED] if moved or self._searched else list(after)[:_OBJECTS_NAMED]:
-            text = name.split(".")[0].replace("__", " ").replace("_", " ")
-            self._labels.beside(self._mark(before[name], radius), text, _INK, _OUTSIDE)
+            self._labels.beside(self._mark(before[name], radius), words[name], _INK, _OUTSIDE)
 
     def found(self, entries: Sequence[Entry]) -> None:
         """A square and a name where each is believed to be, and a thin line to it from where it was seen last."""
@@ -129,23 +130,35 @@ class Canvas:
         u, v = self._px(xy).tolist()
         return u - half, v - half, u + half, v + half
 
+    @staticmethod
+    def _around(pixels: NDArray[Any]) -> Rectangle:
+        """The rectangle about some pixels (n, 2)."""
+        (left, top), (right, bottom) = pixels.min(0).tolist(), pixels.max(0).tolist()
+        return left, top, right, bottom
+
     def goals(self, poses: Sequence[Array]) -> None:
         """A numbered arrowhead at each pose, pointing where the base was to face."""
+        marks = []
         for k, pose in enumerate(poses, 1):
             turns = pose[2] + np.array([0.0, 2.5, np.pi, -2.5])
             corners = pose[:2] + 0.16 * np.array([1, 1, 0.3, 1])[:, None] * np.stack([np.cos(turns), np.sin(turns)], 1)
             self._cv.fillPoly(self._rgb, [self._px(corners).astype(np.int32)], _GOAL, self._cv.LINE_AA)
-            beside = pose[:2] - 0.30 * np.array([np.cos(pose[2]), np.sin(pose[2])])
-            self._text(str(k), beside, 0.7, _GOAL)
+            mark = self._around(self._px(corners))
+            self._labels.taken.append(mark)
+            marks.append((mark, str(k)))
+        for mark, number in marks:
+            self._labels.beside(mark, number, _GOAL, _OUTSIDE)
 
     def robot(self, pose: Array, outline: Array, color: tuple[int, int, int], label: str) -> None:
-        """The outline (n, 2) of a base, with an arrow where it faces."""
+        """The outline (n, 2) of a base, with an arrow where it faces, and a label that covers no other."""
         center, corners = self._px(pose[:2]), self._px(placed(outline, pose)).astype(np.int32)
         ahead = self._px(placed(np.array([[outline[:, 0].max(), 0.0]]), pose))[0]
         width = max(2, round(2.2 * self._unit))
         self._cv.polylines(self._rgb, [corners], True, color, width, self._cv.LINE_AA)
         self._cv.arrowedLine(self._rgb, center.tolist(), ahead.tolist(), color, width, self._cv.LINE_AA, 0, 0.35)
-        self._text(label, pose[:2] + np.array([0.0, -0.36]), 0.7, color)
+        mark = self._around(corners)
+        self._labels.beside(mark, label, color, _OUTSIDE)
+        self._labels.taken.append(mark)
 
     def finished(self, title: str, timed: bool) -> Picture:
         """The picture with its title, a metre bar and the colors of time, shrunk to half."""
@@ -201,19 +214,6 @@ class Canvas:
             np.stack([cells[..., 0], self._map.occupied.shape[0] - cells[..., 1]], -1) * self._scale
         ).astype(np.int64)
         return pixels
-
-    def _text(
-        self,
-        text: str,
-        xy: Array,
-        size: float,
-        color: Sequence[int],
-    ) -> None:
-        u, v = self._px(xy).tolist()
-        (w, h), _ = self._cv.getTextSize(text, self._cv.FONT_HERSHEY_SIMPLEX, size * self._unit, 1)
-        u, v = u - w // 2, v + h // 2
-        self._labels.taken.append((u, v - h, u + w, v))
-        self._write(self._rgb, text, (u, v), size, color)
 
     def _write(self, rgb: Picture, text: str, at: tuple[int, int], size: float, color: Sequence[int]) -> None:
         font, scale = self._cv.FONT_HERSHEY_SIMPLEX, size * self._unit

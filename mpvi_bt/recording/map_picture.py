@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.recording import search_colors as colors
-from mpvi_bt.recording.labels import Color, Labels, Picture
+from mpvi_bt.recording.labels import Color, Labels, Picture, Rectangle
 from mpvi_bt.recording.search_view import Mask, SearchView, Window, called, cropped, found, room_places, visible
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.mobile_base import MobileBase, placed
@@ -85,10 +85,10 @@ class MapPicture:
         if view.path is not None and len(view.path) > 1:
             cv2.polylines(rgb, [px(view.path)], False, colors.SEEN, 5, cv2.LINE_AA)
             cv2.polylines(rgb, [px(view.path)], False, colors.PATH, 2, cv2.LINE_AA)
-        self._names(rgb, view, px)
         if view.goal is not None and view.path is not None:
             _shape(rgb, px, view.goal, _DISC, colors.SEEN, colors.PATH)
-        _shape(rgb, px, base_pose, outline, colors.ROBOT, colors.INK)
+        robot = _shape(rgb, px, base_pose, outline, colors.ROBOT, colors.INK)
+        self._names(rgb, view, px, robot)
         picture = self._paper.copy()
         top, left = (self._size[1] - shape[0]) // 2, (self._size[0] - shape[1]) // 2
         picture[top : top + shape[0], left : left + shape[1]] = rgb
@@ -115,8 +115,8 @@ class MapPicture:
         rgb: Picture = _INKS[pixels + np.where(pixels == _UNKNOWN, crossed, once)]
         return rgb
 
-    def _names(self, rgb: Picture, view: SearchView, px: Pixels) -> None:
-        """Marks of what was found with what it is called, and the rooms' names."""
+    def _names(self, rgb: Picture, view: SearchView, px: Pixels, robot: Rectangle) -> None:
+        """Marks of what was found with what it is called, and the rooms' names; none covers the robot."""
         import cv2
 
         labels, entries = Labels(rgb), found(view.entries)
@@ -125,7 +125,7 @@ class MapPicture:
         for left, top, right, bottom in marks:
             cv2.rectangle(rgb, (left, top), (right, bottom), colors.INK, -1)
             cv2.rectangle(rgb, (left + 1, top + 1), (right - 1, bottom - 1), colors.FOUND, -1)
-        labels.taken += marks
+        labels.taken += [robot, *marks]
         for entry, mark in zip(entries, marks, strict=True):
             labels.beside(mark, called(entry), colors.INK, colors.SEEN)
         if self._rooms is None or self._rooms[0] is not view.map.rooms:
@@ -165,8 +165,8 @@ def _tint(rgb: Picture, corners: NDArray[np.int32]) -> None:
     part[(inside > 0) & (part == colors.SEEN).all(-1)] = colors.IN_VIEW
 
 
-def _shape(rgb: Picture, px: Pixels, pose: Array, outline: Array, fill: Color, edge: Color) -> None:
-    """What has an outline (n, 2) at a pose (3,), with a line where it faces; large enough to be seen."""
+def _shape(rgb: Picture, px: Pixels, pose: Array, outline: Array, fill: Color, edge: Color) -> Rectangle:
+    """What has an outline (n, 2) at a pose (3,), with a line where it faces; large enough to be seen. Where it is."""
     import cv2
 
     center = px(pose[:2])
@@ -176,3 +176,5 @@ def _shape(rgb: Picture, px: Pixels, pose: Array, outline: Array, fill: Color, e
     cv2.fillPoly(rgb, [corners], fill, cv2.LINE_AA)
     cv2.polylines(rgb, [corners], True, edge, 2, cv2.LINE_AA)
     cv2.line(rgb, center.tolist(), front.tolist(), edge, 2, cv2.LINE_AA)
+    (left, top), (right, bottom) = corners.min(0).tolist(), corners.max(0).tolist()
+    return left, top, right, bottom

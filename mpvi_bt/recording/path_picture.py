@@ -116,14 +116,14 @@ def path_picture(
     canvas = Canvas(grid_map, search)
     canvas.rooms()
     canvas.way(poses)
-    canvas.objects(before or {}, after or {})
-    canvas.goals(goals)
-    if search is not None:
-        canvas.found(found(search.entries))
-    canvas.names()
     canvas.robot(poses[0], outline, _START, "start")
     if len(poses) > 1:
         canvas.robot(poses[-1], outline, _END, "end")
+    canvas.goals(goals)
+    canvas.objects(before or {}, after or {})
+    if search is not None:
+        canvas.found(found(search.entries))
+    canvas.names()
     return canvas.finished(title, len(poses) > 1)
 
 

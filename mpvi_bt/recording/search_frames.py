@@ -1,4 +1,4 @@
-"""Frames of a film of a search: the head's picture with what was detected in it, the map, and what the colors mean."""
+"""Frames of a film of a search: the head's picture with what was detected in it, and the map."""
 
 from __future__ import annotations
 
@@ -11,32 +11,29 @@ from mpvi_bt.executive.loop import World
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.recording import search_colors as colors
 from mpvi_bt.recording.frame_text import (
-    DIM,
     INK,
     LINE_PX,
     PAPER,
     SIZE,
     WRIST,
     Caption,
-    plain,
     show_wrists,
     wrapped,
     write,
     write_answers,
-    write_legend,
     write_tree,
 )
 from mpvi_bt.recording.labels import Color, Labels, Picture
-from mpvi_bt.recording.map_picture import MapPicture, hatched
+from mpvi_bt.recording.map_picture import MapPicture
 from mpvi_bt.recording.search_view import Head, SearchView, called, found, seen_m2
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
+_VIEW = (400, 300)  # from outside, upper left; of the head, beside it
 OUTSIDE = _VIEW  # the size that is rendered
-_LETTERS = 38  # of a line of it
-_MAP = (800, 306)  # lower left; below it the checker's answers, beside it the tree
+_MAP = (800, 364)  # lower left; below it the checker's answers
+_NEWS_PX = 18  # from line to line of what is told in the right column, over the tree
 
 
 class SearchFrames:
@@ -56,8 +53,8 @@ class SearchFrames:
         Args:
             outside: (H, W, 3) RGB, or None where there is no such view.
             world: Where the robot is now.
-            caption: Title and status stand over the legend, the instruction over the pictures' lower edge, the
-                checker's answers below the map.
+            caption: Title and status stand over the tree, the instruction over the pictures' lower edge, the checker's
+                answers below the map.
 
         Returns:
             (720, 1280, 3) uint8 RGB.
@@ -76,16 +73,19 @@ class SearchFrames:
         frame[height : height + _MAP[1], : _MAP[0]] = self._map.draw(
             self._view, felt.base_pose, outline, self._way, image
         )
-        self._legend(frame[:, 2 * width :][:height], [*caption.status[:1], caption.title, *caption.status[1:]])
+        left, top = _MAP[0] + 8, 4
+        for text in (*caption.status[:1], caption.title, *caption.status[1:], *self._news()):
+            for line in wrapped(text, SIZE[0] - left - 8, 1):
+                top += _NEWS_PX
+                write(frame, line, (left, top), INK)
         told = wrapped(caption.instruction, 2 * width - 16, 2)
         if told:
             frame[height - 8 - LINE_PX * len(told) : height, : 2 * width] //= 4
         for k, line in enumerate(reversed(told)):
             write(frame, line, (8, height - 6 - LINE_PX * k), INK)
         bottom = SIZE[1] - WRIST[1] * bool(caption.wrists)
-        write_tree(frame, caption, _MAP[0] + 8, height, bottom)
-        room = SIZE[0] - WRIST[0] * len(caption.wrists) if caption.wrists else _MAP[0]
-        write_answers(frame, caption.answers, 8, SIZE[1] - 8, room - 16)
+        write_tree(frame, caption, left, top + 8, bottom)
+        write_answers(frame, caption.answers, 8, SIZE[1] - 8, _MAP[0] - 16)
         show_wrists(frame, caption.wrists, SIZE[0], SIZE[1])
         return frame
 
@@ -113,38 +113,10 @@ class SearchFrames:
             labels.beside(box, f"{detection.phrase} {detection.score:.2f}".encode("ascii", "replace").decode(),
                           colors.INK, ink)  # fmt: skip
 
-    def _legend(self, part: Picture, lines: list[str]) -> None:
-        """What is being done, what the colors mean, and what was found."""
-        import cv2
-
+    def _news(self) -> list[str]:
+        """How much floor was seen, and what was found."""
         seen, total = seen_m2(self._view)
-        top = 0
-        for line in (*lines, f"floor seen: {seen:.0f} m2" + (f" of {total:.0f}" if total else "")):
-            top += 18
-            write(part, plain(line)[:_LETTERS], (12, top), INK)
-        rows: list[tuple[str, Color]] = [
-            ("seen", colors.SEEN),
-            ("in view now", colors.IN_VIEW),
-            ("not seen yet", colors.UNSEEN),
-            *([] if total else [("not known", colors.UNKNOWN)]),
-            ("wall, furniture", colors.WALL),
-            ("frontier", colors.FRONTIER),
-            ("path and goal", colors.PATH),
-            ("way so far", colors.WAY),
-            ("found", colors.FOUND),
-            ("robot", colors.ROBOT),
-        ]
-        top += 10
-        for word, color in rows:
-            swatch = part[top : top + 14, 12:40]
-            swatch[:] = hatched(color, swatch.shape[:2])
-            if color in (colors.PATH, colors.WAY):
-                swatch[:] = colors.SEEN
-                cv2.line(swatch, (0, 7), (28, 7), color, 2 if color == colors.WAY else 3)
-            cv2.rectangle(part, (12, top), (40, top + 14), DIM, 1)
-            write(part, word, (50, top + 12), INK)
-            top += 19
         kinds = Counter(called(entry) for entry in found(self._view.entries))
         text = ", ".join(f"{name} x{count}" if count > 1 else name for name, count in kinds.items())
-        write(part, f"found: {text or 'nothing yet'}"[:_LETTERS], (12, top + 16), INK)
-        write_legend(part, 12, part.shape[0] - 6)
+        floor = f"floor seen: {seen:.0f} m2" + (f" of {total:.0f}" if total else "")
+        return [floor, f"found: {text or 'nothing yet'}"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.executive.loop import World
+from mpvi_bt.goals.spoken import spoken
 from mpvi_bt.perception.detector import ROBOT, Detection
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
@@ -85,7 +86,7 @@ def found(entries: Iterable[Entry]) -> list[Entry]:
 
 def called(entry: Entry) -> str:
     """What people call it, in letters that OpenCV can write."""
-    name = entry.phrases[0] if entry.phrases else entry.name.split(".")[0].replace("_", " ")
+    name = entry.phrases[0] if entry.phrases else spoken(entry.name)
     return name.encode("ascii", "replace").decode()
 
 

@@ -17,7 +17,6 @@ from mpvi_bt.recording.frame_text import (
     COLUMNS,
     DIM,
     INK,
-    LINE_PX,
     PAPER,
     SIZE,
     WRIST,
@@ -26,7 +25,6 @@ from mpvi_bt.recording.frame_text import (
     show_wrists,
     wrapped,
     write,
-    write_legend,
     write_tree,
 )
 from mpvi_bt.recording.labels import Picture
@@ -59,9 +57,9 @@ class Outside(Protocol):
 class Video(Watcher):
     """Subscriber that writes an mp4. Each frame costs several pictures, so it draws only every few steps.
 
-    It begins with a card of instruction and plan, and ends with one of the goal's conditions, where there are such. The
-    file is closed properly however the episode ends, Ctrl-C included. The last state, with q, also goes beside it, as
-    `NAME.poster.jpg`, for pages that show the film.
+    It begins with a card of instruction and plan, and of what signs and colors mean, and ends with one of the goal's
+    conditions, where there are such. The file is closed properly however the episode ends, Ctrl-C included. The last
+    state, with q, also goes beside it, as `NAME.poster.jpg`, for pages that show the film.
 
     Args:
         file: Where to write.
@@ -116,7 +114,7 @@ class Video(Watcher):
         )
         self._writer.send(None)
         self._last = tree, world
-        self._show(cards.opening(self._title, self._about, tree.spec), _CARD_S)
+        self._show(cards.opening(self._title, self._about, tree.spec, self._search is not None), _CARD_S)
 
     def step(self, tree: Tree, world: World) -> None:
         """Draw a frame when one is due."""
@@ -180,7 +178,7 @@ class Video(Watcher):
         caption = Caption(
             title=self._title,
             status=status,
-            tree=tree_lines(tree.spec, tree.states(), COLUMNS, fold=True),
+            tree=tree_lines(tree.spec, tree.states(), COLUMNS, fold=True, unicode=True),
             instruction=tree.spec.instruction,
             wrists={side: world.robot.look(side).rgb for side in sides},
             answers=_answers(tree),
@@ -268,8 +266,7 @@ def compose(outside: Picture | None, head: Picture, caption: Caption) -> Picture
     if beside is not None:
         frame[: _HEAD[1], _OUTSIDE[0] :] = cv2.resize(beside, _HEAD, interpolation=cv2.INTER_LINEAR)
         top = _HEAD[1]
-    write_tree(frame, caption, _OUTSIDE[0] + 8, top, SIZE[1] - 3 * LINE_PX)
-    write_legend(frame, _OUTSIDE[0] + 8, SIZE[1] - 8)
+    write_tree(frame, caption, _OUTSIDE[0] + 8, top, SIZE[1])
     show_wrists(frame, caption.wrists, _OUTSIDE[0], SIZE[1])
     head_line = "   ".join(filter(None, (*caption.status[:1], caption.title)))
     cv2.putText(frame, plain(head_line), (12, _OUTSIDE[1] + 28), cv2.FONT_HERSHEY_SIMPLEX, 0.65, INK, 2, cv2.LINE_AA)

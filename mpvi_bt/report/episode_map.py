@@ -8,6 +8,7 @@ from html import escape
 
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.episode.way import Way
+from mpvi_bt.goals.spoken import spoken, spoken_each
 from mpvi_bt.house.house import House
 from mpvi_bt.house.prior_map import BAND_M
 
@@ -29,7 +30,7 @@ def house_symbol(house: House) -> str:
         boxes = [solid.aabb().tolist() for solid in fixture.solids()]
         tall = [(a, b) for a, b in boxes if a[2] < BAND_M[1] and b[2] > BAND_M[0]]  # a lawn is driven over
         path = "".join(_rectangle(*a[:2], *b[:2]) for a, b in tall)
-        name = escape(one_line(fixture.name.replace("_", " ")))
+        name = escape(one_line(spoken(fixture.name)))
         parts += [f'<path class="fixture" d="{path}"><title>{name}</title></path>'] if path else []
     for wall in house.walls:
         (x0, y0, _), (x1, y1, _) = wall.solid.aabb().tolist()
@@ -110,8 +111,9 @@ def _names(places: Mapping[str, tuple[float, float]], width: float, height: floa
     """What was moved, named at its end; names that would cover another one are left to the tooltip."""
     taken: list[Box] = []
     parts = []
+    words = spoken_each(places)
     for name, (x, y) in places.items():
-        text = one_line(name.split(".")[0].replace("__", " ").replace("_", " "))
+        text = one_line(words[name])
         wide = 6.3 * len(text)
         left = min(x + 7, width - wide - 2)
         box = (left, y - 9, left + wide, y + 3)

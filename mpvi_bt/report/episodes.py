@@ -13,6 +13,7 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import MpviError
+from mpvi_bt.goals.spoken import spoken_texts
 from mpvi_bt.house.house import House
 from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
 from mpvi_bt.report.closing_table import troubles
@@ -61,10 +62,9 @@ def episode_html(
 
 
 def _goal(result: Result) -> str:
-    items = [
-        f'<li class="{"met" if c.satisfied else "unmet"}">{_text(c.condition)}</li>'
-        for c in sorted(result.goal, key=lambda c: c.satisfied)[:MOST_CONDITIONS]
-    ]
+    texts = spoken_texts(c.condition for c in result.goal)
+    rows = sorted(zip(result.goal, texts, strict=True), key=lambda row: row[0].satisfied)[:MOST_CONDITIONS]
+    items = [f'<li class="{"met" if c.satisfied else "unmet"}">{_text(text)}</li>' for c, text in rows]
     more = len(result.goal) - len(items)
     met = sum(c.satisfied for c in result.goal)
     rest = f'<li class="dim">and {more} more</li>' if more > 0 else ""

@@ -325,6 +325,11 @@ class World(StepClock):
         self._cutting.restore(saved.get("blades", {}))
         self.steps = int(saved["steps"])
 
+    @property
+    def scene(self) -> sapien.Scene:
+        """The simulator's, for those who draw it."""
+        return self._scene
+
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
         """A picture from anywhere, (4, 4) optical frame to world. Raises NoRenderingDevice without rendering."""
         if self.cameras is None:
