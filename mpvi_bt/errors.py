@@ -257,6 +257,15 @@ def did_you_mean(near: str | None, known: Sequence[str], most: int = 12) -> str:
     return f"{hint} Known: {', '.join(known[:most]) or 'none'}{more}."
 
 
+_LIKE_YOU = ("uni", "use", "usu", "ute", "eu", "one")  # how words begin that are spoken with a consonant
+
+
+def with_article(words: str) -> str:
+    """Words with their article, such as "an object", "a unit", "an 'int'"."""
+    plain = words.lstrip("'\"").lower()
+    return f"{'an' if plain[:1] in tuple('aeiou') and not plain.startswith(_LIKE_YOU) else 'a'} {words}"
+
+
 def shown(value: Any) -> str:
     """A value as a message quotes it: on one line, and no longer than 60 characters."""
     if isinstance(value, dict | list):

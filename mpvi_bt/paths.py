@@ -73,6 +73,12 @@ def title(file: str | os.PathLike[str]) -> str:
     return stem
 
 
+def kind_in(folder: str) -> str:
+    """What a file in a folder is, such as "tree" in "trees" or "plan" in "tasks/plans"."""
+    last = Path(folder).name
+    return "policy settings" if last == "policies" else last.removesuffix("s")
+
+
 def is_file(path: Path) -> bool:
     """Whether there is such a file; False, not an error, for a name that no file can have."""
     try:
@@ -95,13 +101,13 @@ def find(folder: str, name: str, kind: str = "") -> Path:
     Args:
         folder: Relative to a root.
         name: Stem of the file.
-        kind: What to call it in the error; the folder's name without its last letter by default.
+        kind: What to call it in the error; what the folder holds by default.
 
     Raises:
         UnknownName: No root has such a file.
     """
     if (found := next((path for path in files(folder) if path.stem == name), None)) is None:
-        raise UnknownName(kind or Path(folder).name.removesuffix("s"), name, names(folder))
+        raise UnknownName(kind or kind_in(folder), name, names(folder))
     return found
 
 
@@ -130,6 +136,6 @@ def find_or_file(folder: str, given: str, kind: str = "") -> Path:
         raise UserError(f"{given}: there is no such file.")
     beside = [f"{given}{suffix}" for suffix in SUFFIXES if is_file(Path(f"{given}{suffix}"))]
     if beside:
-        what = kind or Path(folder).name.removesuffix("s")
+        what = kind or kind_in(folder)
         raise UserError(f"unknown {what} {given!r}, but there is a file {beside[0]}: name it with its suffix.")
     return find(folder, given, kind)

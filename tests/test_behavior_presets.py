@@ -264,7 +264,7 @@ def test_the_number_is_that_of_the_episodes_task(tmp_path: Path) -> None:
         assert observation.constants == {"task_id": (number,)}
     with pytest.raises(UserError, match="no number for the task 'make_pasta'"):
         settings_for("behavior_2026", "make_pasta", "r1pro")
-    with pytest.raises(UserError, match="two arms"):
+    with pytest.raises(UserError, match="the robot is the fetch: choose --robot r1pro"):
         settings_for("openpi_comet", TASK, "fetch")
     mine = tmp_path / "mine.yaml"
     mine.write_text("about: Mine\nobservation: { prompt: null, constants: { task_id: [7] } }\n")
@@ -286,16 +286,32 @@ def test_a_run_is_refused_before_it_begins(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"observation": {"state": {"s": {"dialect": "behavior-2026"}}}}, "two arms"),
-        ({"action": {"dialect": "behavior-2025"}}, "two arms"),
-        ({"observation": {"state": {"s": {"parts": [{"part": "arm_left", "at": 0}]}}}}, "no left arm"),
-        ({"action": {"parts": [{"part": "gripper_command_left", "at": 0}]}}, "no left arm"),
-        ({"observation": {"images": {"i": {"camera": "left"}}}}, "no such camera"),
+        ({"observation": {"state": {"s": {"dialect": "behavior-2026"}}}}, "R1Pro.* choose --robot r1pro, or"),
+        ({"action": {"dialect": "behavior-2025"}}, "R1Pro.* choose --robot r1pro, or"),
+        (
+            {"observation": {"state": {"s": {"parts": [{"part": "arm_left", "at": 0}]}}}},
+            "no left arm: choose --robot r1 or",
+        ),
+        ({"action": {"parts": [{"part": "gripper_command_left", "at": 0}]}}, "no left arm: choose --robot r1 or"),
+        ({"observation": {"images": {"i": {"camera": "left"}}}}, "no such camera: choose --robot r1 or"),
     ],
 )
 def test_settings_of_a_body_that_the_robot_lacks_are_refused(settings: Any, words: str) -> None:
-    """The fetch has one arm: it is told before an episode begins. Robots with two have all that there is."""
-    with pytest.raises(UserError, match=words):
-        check_robot(DialectSettings.model_validate(settings), robot_named("fetch"))
+    """What does not fit is told before an episode begins, with the robots that would; those are taken."""
+    made = DialectSettings.model_validate(settings)
+    with pytest.raises(UserError, match=words) as refused:
+        check_robot(made, robot_named("fetch"))
     for robot in ("r1", "r1pro"):
-        check_robot(DialectSettings.model_validate(settings), robot_named(robot))
+        if f"--robot {robot} " in str(refused.value).replace(",", " "):
+            check_robot(made, robot_named(robot))
+        else:
+            with pytest.raises(UserError, match="choose --robot r1pro"):
+                check_robot(made, robot_named(robot))
+
+
+def test_comet_with_another_robot_than_its_own_is_refused_before_a_simulator_loads() -> None:
+    """The default robot is no R1Pro: the message names the settings and the option that fits."""
+    config = EpisodeConfig(TASK, policy="openpi:localhost:1", policy_settings="openpi_comet")
+    with pytest.raises(UserError, match=r"settings openpi_comet .* robot is the r1: choose --robot r1pro"):
+        check_policy_choice(config)
+    check_policy_choice(replace(config, robot="r1pro"))

@@ -22,7 +22,7 @@ LISTED = re.findall(r"^\| `([a-z-]+)` \|", PAGE, re.MULTILINE)
 ELSEWHERE = ("btcpp/*.py", "trace/*.py")  # have pages of their own
 SAYS = {"problem", "_problem", "_refuse", "_stop", "stop", "head"}  # methods
 # Looked up by names that are no literals, in `check_task` and `value_problems`.
-LOOKED_UP = {"problem", "house", "plan", "tree", "settings", "backend"}
+LOOKED_UP = {"problem", "house", "plan", "tree", "policy-settings", "backend"}
 
 
 def said() -> Iterator[str]:

@@ -191,7 +191,7 @@ def test_what_it_cannot_do_is_refused_in_one_line() -> None:
     remote = EpisodeConfig(
         "picking_up_trash", robot="fetch", policy="openpi:ws://localhost:1", policy_settings="openpi_comet"
     )
-    with pytest.raises(UserError, match=r"the fetch is too unlike BEHAVIOR's R1Pro.*--robot r1pro"):
+    with pytest.raises(UserError, match=r"BEHAVIOR's R1Pro, and the robot is the fetch: choose --robot r1pro"):
         prepare_episode(remote)
     with pytest.raises(UnknownName, match=r"fetch"):
         robot_named("fetsch")

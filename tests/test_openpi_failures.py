@@ -640,6 +640,23 @@ def test_an_error_without_words() -> None:
         policy_at(server).infer(observation())
 
 
+@pytest.mark.parametrize("code", [1003, 1007, 1011, 1000])
+def test_a_server_that_answers_nothing_may_not_fit_the_settings(code: int) -> None:
+    """However it hangs up on the first observation, the message names the settings in use and the others."""
+    with talking(lambda c: c.close(code, "")) as server:
+        policy = OpenpiPolicy(server.address, quick(tries=0), called="openpi_comet")
+        with pytest.raises(
+            PolicyError, match=r"settings openpi_comet may not fit it .*--policy-settings: .*behavior_2026"
+        ):
+            policy.infer(observation())
+    with PolicyServer(lambda message: {"actions": CHUNK} if len(server.received) < 2 else message["never"]) as server:
+        policy = policy_at(server)
+        policy.infer(observation())
+        with pytest.raises(PolicyError) as later:
+            policy.infer(observation())
+    assert "may not fit" not in str(later.value)
+
+
 def test_an_error_that_came_before_the_question() -> None:
     """An openpi server that is sent a reset breaks on it: its words are still told at the next inference."""
     with PolicyServer(lambda message: {"actions": message["never"]}) as server:

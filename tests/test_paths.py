@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import paths
-from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.errors import UnknownName, UserError, with_article
 
 
 def test_what_ships_is_found() -> None:
@@ -93,3 +93,23 @@ def test_a_file_that_lacks_its_suffix_is_named(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "greet.yaml").touch()
     with pytest.raises(UserError, match=r"unknown tree 'greet', but there is a file greet\.yaml"):
         paths.find_or_file("trees", "greet")
+
+
+def test_a_file_that_is_not_there_is_called_what_it_would_be() -> None:
+    """Each folder's files have a name of their own in messages: no letter is cut off a plural that has another form."""
+    kinds = {"policies": "policy settings", "trees": "tree", "tasks/plans": "plan", "tasks/houses": "house"}
+    for folder, kind in kinds.items():
+        with pytest.raises(UnknownName, match=f"unknown {kind} 'nothing_like_it'"):
+            paths.find(folder, "nothing_like_it")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("idle", "an idle"), ("object", "an object"), ("'int'", "an 'int'"), ("unit", "a unit"), ("urn", "an urn"),
+        ("tree", "a tree"), ("utensil", "a utensil"), ("ashcan.n.01", "an ashcan.n.01"),
+    ],
+)  # fmt: skip
+def test_words_get_their_article(words: str, said: str) -> None:
+    """By how they begin, quoted or not."""
+    assert with_article(words) == said

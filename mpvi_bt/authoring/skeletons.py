@@ -17,7 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mpvi_bt import paths
-from mpvi_bt.errors import UnknownName, UserError, shown
+from mpvi_bt.errors import UnknownName, UserError, shown, with_article
 from mpvi_bt.goals.problem import activities
 from mpvi_bt.goals.vocabulary import behavior
 from mpvi_bt.plan.skills import load_skills
@@ -78,13 +78,13 @@ def checked_name(kind: str, name: str, known: Mapping[str, Any] | list[str]) -> 
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise UserError(
-            f"{shown(name)} cannot name a {kind}: lower case letters, digits and underscores, a letter first, 60 at "
-            f"most. {_free(kind, name, known)!r} would do."
+            f"{shown(name)} cannot name {with_article(kind)}: lower case letters, digits and underscores, a letter "
+            f"first, 60 at most. {_free(kind, name, known)!r} would do."
         )
     if name in known:
         whose = f" ({known[name]})" if isinstance(known, Mapping) else ""
         raise UserError(
-            f"there is a {kind} {name!r} already{whose}, and two of one name would hide each other. "
+            f"there is {with_article(kind)} {name!r} already{whose}, and two of one name would hide each other. "
             f"{_free(kind, name, known)!r} is free."
         )
     return name
@@ -156,7 +156,7 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
     checked_name("catalogue entry", name, {entry.name: entry.family for entry in catalogue})
     model = next((entry for entry in catalogue if entry.family == like), None) or catalogue.entries.get(like)
     if model is None and like in FAMILIES:
-        raise UserError(f"a {like} has its shape from a file: give --mesh FILE.")
+        raise UserError(f"{with_article(like)} has its shape from a file: give --mesh FILE.")
     if model is None:
         raise UnknownName("family or catalogue entry", like, [*FAMILIES, *catalogue.entries])
     chosen, remark = _synset(name, synset, model.synset)

@@ -316,14 +316,16 @@ def openpi(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
     """Behind openpi's protocol."""
     from mpvi_bt.remote.openpi import DEFAULT, OpenpiPolicy
 
-    return OpenpiPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
+    called = settings or DEFAULT
+    return OpenpiPolicy(address, settings_for(called, ground.task, ground.robot), ground.vocabulary, called)
 
 
 def vla_eval(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
     """Behind a model server of the vla-eval package."""
     from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
 
-    return VlaEvalPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
+    called = settings or DEFAULT
+    return VlaEvalPolicy(address, settings_for(called, ground.task, ground.robot), ground.vocabulary, called)
 
 
 def settings_for(given: str, task: str | None, robot: str | None) -> DialectSettings:
@@ -345,6 +347,6 @@ def settings_for(given: str, task: str | None, robot: str | None) -> DialectSett
 
     settings = load_settings(given)
     if robot is not None:
-        check_robot(settings, robot_named(robot))
+        check_robot(settings, robot_named(robot), given)
     known = human_stats().get(task or "")
     return briefed(settings, task, None if known is None else known.task_id)

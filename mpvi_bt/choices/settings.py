@@ -28,7 +28,7 @@ def check_value(name: str, value: Any) -> None:
     if name in BACKENDS:
         choose(name, value)
     elif value is not None and known.folder:
-        paths.find_or_file(known.folder, value, "settings" if name == "policy_settings" else "")
+        paths.find_or_file(known.folder, value)
     elif value is not None and known.reader:
         module, _, function = known.reader.partition(":")
         getattr(importlib.import_module(module), function)(value)

@@ -15,7 +15,7 @@ from mpvi_bt.authoring.checking import STDIN, below
 from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.terminal import give, tell
-from mpvi_bt.errors import FileProblems, Problem, UserError
+from mpvi_bt.errors import FileProblems, Problem, UserError, with_article
 from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
 from mpvi_bt.writing import write_whole
@@ -81,7 +81,9 @@ def _formatted(text: str, name: str, is_named: bool) -> str | None:
         return formatted(text, name)
     if is_named:
         kind = "JSON file" if kind == "tree" else kind
-        raise FileProblems([marks.problem((), "not-a-tree", f"only trees in YAML have a canonical form, not a {kind}")])
+        raise FileProblems(
+            [marks.problem((), "not-a-tree", f"only trees in YAML have a canonical form, not {with_article(kind)}")]
+        )
     return None
 
 

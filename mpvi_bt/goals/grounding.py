@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from mpvi_bt.errors import shown
+from mpvi_bt.errors import shown, with_article
 from mpvi_bt.goals.expressions import CONNECTIVES, Expression, Form, Word, written
 from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import All, Exactly, Formula, Literal, Not, Pairs, Some
@@ -142,7 +142,7 @@ class Grounding:
         """Note a synset that no object is of: one that is misspelt, or a good one."""
         if synset in (self.known.synsets or ()):
             listed = tuple(sorted(self.synsets))
-            message = f"no object is a {synset}; :objects has {', '.join(listed)}"
+            message = f"no object is {with_article(synset)}; :objects has {', '.join(listed)}"
             self.findings.problem(synset.place, "unknown-synset", message, known=listed)
         else:
             self.findings.unknown(synset.place, "synset", synset, self.synsets)

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mpvi_bt.errors import shown
+from mpvi_bt.errors import shown, with_article
 from mpvi_bt.goals.expressions import SECTIONS, Expression, Form, Word, read_expressions, written
 from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import Fact
@@ -139,7 +139,7 @@ def _objects(section: Form, findings: Findings, known: BddlVocabulary) -> tuple[
             elif objects[item] == synset:
                 findings.problem(item.place, "repeated", f"{item:.60} is listed twice", severity="note")
             else:
-                findings.problem(item.place, "repeated", f"{item:.60} is a {objects[item]:.60} already")
+                findings.problem(item.place, "repeated", f"{item:.60} is {with_article(objects[item][:60])} already")
         waiting = []
     if waiting:
         message = f"'- SYNSET' is missing after {', '.join(waiting[:3])}{' ...' * (len(waiting) > 3)}"

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.errors import BackendError, UserError, with_article
 from mpvi_bt.house.boards import DROP_M, Around, Board, MovableForm, Put, balanced, floor_of, heap, put_all
 from mpvi_bt.house.ground import OBJECT_CLEARANCE_M, REACH_M, ROBOT_CLEARANCE_M, TWO_HANDS_REACH_M, Ground
 from mpvi_bt.house.house import House
@@ -67,7 +67,7 @@ class Arrangement:
         elif scene is None and predicate == "inside" and self.done[place].shape.entry.description.root.volumes:
             self._in_thing(self.done[place], shapes)
         else:
-            raise UserError(f"nothing can be {predicate} a {place.split('.')[0]} yet")
+            raise UserError(f"nothing can be {predicate} {with_article(place.split('.')[0])} yet")
 
     def _on_ground(self, ground: str, shapes: Mapping[str, MovableForm]) -> None:
         for name, shape in shapes.items():

@@ -27,6 +27,7 @@ Dialect = Literal["behavior-2025", "behavior-2026"]
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 BaseVelocity = Literal["world", "robot", "zero"]
 BASE_UNITS = np.array([0.75, 0.75, 1.0])  # [m/s, m/s, rad/s] of a base input of 1 (BEHAVIOR's r1pro.yaml)
+BODY = "r1pro"  # the robot whose numbers these are
 CAMERAS = ("left", "right", "head")  # order of `cam_rel_poses`
 _USD = np.array([1.0, -1.0, -1.0])  # optical axes (z forward, y down) to USD's (looks along -z, y up)
 
@@ -222,7 +223,7 @@ def decoded(
         arm_command=dict(arm_command or {}),
         torso_velocity=fields["trunk_qvel"],
         gripper_velocity={side: float(fields[f"gripper_{side}_qvel"].sum()) for side in SIDES},
-        robot="r1pro",
+        robot=BODY,
     )
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from mpvi_bt.errors import UserError, shown
+from mpvi_bt.remote.behavior_layout import BODY
 from mpvi_bt.remote.dialect_settings import Constant, DialectSettings
 from mpvi_bt.remote.prompts import prompt_of
 from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.retargeting import check_like_r1pro
+from mpvi_bt.robot.robots import ROBOTS
 
 
 def briefed(settings: DialectSettings, task: str | None, number: int | None) -> DialectSettings:
@@ -42,18 +43,34 @@ def briefed(settings: DialectSettings, task: str | None, number: int | None) -> 
     return settings.model_copy(update={"observation": observation.model_copy(update=filled)})
 
 
-def check_robot(settings: DialectSettings, robot: RobotModel) -> None:
-    """Raise UserError where the settings are of a body that the robot does not have."""
+def check_robot(settings: DialectSettings, robot: RobotModel, called: str = "of the policy") -> None:
+    """Raise UserError where the settings are of a body that the robot does not have, with the robots that have it.
+
+    Args:
+        settings: As loaded.
+        robot: That is to be driven.
+        called: Their name or file.
+    """
+    if why := unfit(settings, robot):
+        fitting = [f"--robot {name}" for name, other in ROBOTS.items() if not unfit(settings, other)]
+        instead = f"choose {' or '.join(fitting)}" if fitting else "no robot here has all that they name"
+        raise UserError(f"the settings {called} {why}: {instead}, or other settings.")
+
+
+def unfit(settings: DialectSettings, robot: RobotModel) -> str:
+    """What settings have that a robot lacks, or ""."""
     observation, action = settings.observation, settings.action
     vectors = list(observation.state.values()) if observation is not None else []
-    if action.dialect is not None or any(vector.dialect is not None for vector in vectors):
-        check_like_r1pro(robot)
+    of_behavior = action.dialect is not None or any(vector.dialect is not None for vector in vectors)
+    if of_behavior and robot.name != BODY:
+        return f"have the numbers of BEHAVIOR's R1Pro, and the robot is the {robot.name}"
     pieces = [piece.part for vector in vectors for piece in vector.parts or ()]
     pieces += [piece.part for piece in action.parts]
     for part in pieces:
         side = part.rpartition("_")[2]
         if side in ("left", "right") and side not in robot.sides:
-            raise UserError(f"the policy's settings have {part!r}, and the {robot.name} has no {side} arm.")
+            return f"have {part!r}, and the {robot.name} has no {side} arm"
     for camera in settings.cameras if observation is not None else ():
         if camera not in robot.cameras:
-            raise UserError(f"the policy's settings want pictures of {camera!r}: the {robot.name} has no such camera.")
+            return f"want pictures of {camera!r}, and the {robot.name} has no such camera"
+    return ""

@@ -15,7 +15,7 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from mpvi_bt.errors import BadMessage, shown
+from mpvi_bt.errors import BadMessage, shown, with_article
 
 MAX_BYTES = 64 << 20  # of one message; three pictures of 720x720 with depth take 14 MB
 MOST_ITEMS = 1 << 16  # of all lists and mappings of a message: an item takes up to 80 times the bytes that say it
@@ -82,7 +82,7 @@ def _packer() -> msgpack.Packer:
 
 def _encoded(value: Any) -> Any:
     if not isinstance(value, np.ndarray | np.generic):
-        raise TypeError(f"a {type(value).__name__} cannot be packed")
+        raise TypeError(f"{with_article(type(value).__name__)} cannot be packed")
     if not _DTYPE.fullmatch(value.dtype.str):
         raise TypeError(f"an array of dtype {value.dtype} cannot be packed: numbers and text can")
     if isinstance(value, np.ndarray):

@@ -329,7 +329,7 @@ def load_settings(given: str) -> DialectSettings:
         UserError: There is none, with the nearest name.
         FileProblems: Everything that is wrong with it.
     """
-    return check_settings(*load_marked(paths.find_or_file("policies", given, "settings of a policy")))
+    return check_settings(*load_marked(paths.find_or_file("policies", given)))
 
 
 def _with_rate(settings: DialectSettings, marks: Marks) -> DialectSettings:

@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from mpvi_bt import paths
 from mpvi_bt.action_rows import KINDS, ActionKind, check_rate, command_of
 from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.remote.codec import pack
@@ -82,6 +83,7 @@ class OpenpiPolicy:
         address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
         settings: How the server is spoken to, or the name or path of their file.
         vocabulary: What labels of pictures are called; told to a server that takes the whole observation.
+        called: Name or file of the settings, where those themselves are given.
 
     Raises:
         UserError: The address or the settings are not valid.
@@ -102,11 +104,17 @@ class OpenpiPolicy:
     kind = "openpi"
 
     def __init__(
-        self, address: str, settings: DialectSettings | str = DEFAULT, vocabulary: Vocabulary | None = None
+        self,
+        address: str,
+        settings: DialectSettings | str = DEFAULT,
+        vocabulary: Vocabulary | None = None,
+        called: str = "",
     ) -> None:
         self._url = url_of(address)
         self._settings = load_settings(settings) if isinstance(settings, str) else settings
         self._vocabulary = vocabulary
+        self._called = settings if isinstance(settings, str) else called
+        self._answered = False
         self.name = f"{self.kind}:{self._url}"
         self.cameras: tuple[str, ...] = self._settings.cameras
         self._unheard()
@@ -155,13 +163,21 @@ class OpenpiPolicy:
                 if not isinstance(error, Lost) or not more:
                     since = f"{lost}; since then: " if lost else ""
                     reason = "server_closed" if lost and error.reason == "server_absent" else error.reason
-                    raise PolicyError(reason, f"{self.name}: {since}{error}") from None
+                    raise PolicyError(reason, f"{self.name}: {since}{error}{self._doubt(error.reason)}") from None
                 lost = error
                 time.sleep(_PAUSE_S)
             except BaseException:  # a question without its answer: what came next would answer another
                 self.close()
                 raise
         raise AssertionError("unreachable")
+
+    def _doubt(self, reason: str) -> str:
+        """That the settings may not fit, where a server has refused the first observation without saying why."""
+        if self._answered or reason not in ("server_error", "server_closed") or not self.connections:
+            return ""
+        others = ", ".join(name for name in paths.names("policies") if name != self._called)
+        mine = f"settings {self._called}" if self._called else "settings"
+        return f". It has answered nothing yet: the {mine} may not fit it (--policy-settings: {others}, or your own)"
 
     def _connected(self, deadline: float) -> Connection:
         if self._connection is None:
@@ -212,11 +228,12 @@ class OpenpiPolicy:
                     f"a chunk of {len(actions)} that begins otherwise than the action, or is not of {asked}",
                 )
         self._hear(reply)
-        self._fresh = False
+        self._hear_rate(reply)
+        self._fresh, self._answered = False, True
         return actions
 
     def _hear_rate(self, about: Mapping[str, Any]) -> None:
-        """Take in what a server says of its rows. Raises PolicyError: that is no rate, or no kind."""
+        """Take in what metadata or an answer says of its rows. Raises PolicyError: that is no rate, or no kind."""
         name = next((name for name in RATE_NAMES if name in about), None)
         if name is not None:
             try:
@@ -229,7 +246,7 @@ class OpenpiPolicy:
             elif own != rate_hz:
                 self.rate_from = f"{self._settings.rate_from}; the server says {rate_hz:g}"
         kind = about.get("actions")
-        if self._settings.actions is None and kind is not None:
+        if self._settings.actions is None and isinstance(kind, str):
             if kind not in KINDS:
                 raise PolicyError("bad_reply", f"actions in the metadata: {shown(kind)}; known: {', '.join(KINDS)}")
             self.actions = kind

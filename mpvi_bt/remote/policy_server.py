@@ -7,7 +7,7 @@ import contextlib
 import queue
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -106,9 +106,13 @@ class Session:
         self._close()
         self._policy = self._make(self._vocabulary)
         self._policy.reset()
-        rate_hz = getattr(self._policy, "rate_hz", None)
-        rate = {} if rate_hz is None else {"rate_hz": float(rate_hz)}
-        return {"cameras": list(self._policy.cameras), **rate, "actions": getattr(self._policy, "actions", "absolute")}
+        kind = getattr(self._policy, "actions", "absolute")
+        return {"cameras": list(self._policy.cameras), "actions": kind, **self._rate({})}
+
+    def _rate(self, observation: Mapping[str, Any]) -> dict[str, float]:
+        """The rate of the rows that answer an observation, where anybody says it."""
+        rate_hz = observation.get("rate_hz", getattr(self._policy, "rate_hz", None))
+        return {} if rate_hz is None else {"rate_hz": float(rate_hz)}
 
     def _answer(self, given: Given) -> tuple[dict[str, Any], float]:
         try:
@@ -127,6 +131,7 @@ class Session:
             "gave_up": bool(getattr(policy, "gave_up", False)),
             "ended": bool(getattr(policy, "ended", False)),
             "policy_timing": {"infer_ms": infer_s * 1000},
+            **self._rate(observation),
         }
         if (progress := getattr(policy, "progress", None)) is not None:
             message["progress"] = float(progress)

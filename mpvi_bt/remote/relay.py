@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.action_rows import ActionKind, command_of
+from mpvi_bt.action_rows import ActionKind, check_rate, command_of
+from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.remote.connection import one_line
 from mpvi_bt.remote.dialect_settings import DialectSettings
 from mpvi_bt.remote.observation import Vocabulary
@@ -41,7 +42,7 @@ class Relay:
         cameras: Those that are wanted first, or that the last reply said it wants.
         note: What the last reply said that the server is doing; one line.
         gave_up: Whether it said that it will do no more about the prompt.
-        rate_hz, rate_from, actions: As the settings say.
+        rate_hz, rate_from, actions: As the settings say; the rate as the last reply, where they do not.
         seen: (H, W, 3) uint8, the head's picture of the last question; None if it had none.
     """
 
@@ -101,6 +102,11 @@ class Relay:
         if isinstance(note := reply.get("note"), str):
             self.note = one_line(note)
         self.gave_up = reply.get("gave_up") is True
+        if self._settings.rate_hz is None and "rate_hz" in reply:
+            try:
+                self.rate_hz, self.rate_from = check_rate(reply["rate_hz"]), "the server"
+            except UserError as error:
+                raise PolicyError("bad_reply", f"rate_hz in the reply: {error}") from None
         self._last = actions[-1]
         self._answers.put(actions)
 

@@ -35,7 +35,7 @@ class VlaEvalPolicy(OpenpiPolicy):
     Args:
         address: As `OpenpiPolicy` takes it.
         settings: How the server is spoken to, or the name or path of their file.
-        vocabulary: As `OpenpiPolicy` takes it.
+        vocabulary, called: As `OpenpiPolicy` takes them.
 
     Raises:
         UserError: The address or the settings are not valid.
@@ -44,9 +44,13 @@ class VlaEvalPolicy(OpenpiPolicy):
     kind = "vla_eval"
 
     def __init__(
-        self, address: str, settings: DialectSettings | str = DEFAULT, vocabulary: Vocabulary | None = None
+        self,
+        address: str,
+        settings: DialectSettings | str = DEFAULT,
+        vocabulary: Vocabulary | None = None,
+        called: str = "",
     ) -> None:
-        super().__init__(address, settings, vocabulary)
+        super().__init__(address, settings, vocabulary, called)
         self._number = 0
         self._first = self.cameras
         self._episode: Connection | None = None  # the one on which an episode has been started
@@ -104,7 +108,8 @@ class VlaEvalPolicy(OpenpiPolicy):
         answer = _answer(connection, self._number, deadline)
         actions = actions_of(answer, self._settings.action, held, observation["proprioception"])
         super()._hear(answer)
-        self._fresh = False
+        self._hear_rate(answer)
+        self._fresh, self._answered = False, True
         return actions
 
 

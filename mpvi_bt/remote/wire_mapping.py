@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.action_rows import command_of
-from mpvi_bt.errors import PolicyError, shown
+from mpvi_bt.errors import PolicyError, shown, with_article
 from mpvi_bt.remote.behavior_layout import action_from, camera_poses, encoded
 from mpvi_bt.remote.dialect_settings import Action, Felt, Image, Observation, PartPlace, Vector
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception, Side
@@ -208,7 +208,7 @@ def _fitting(key: str, reply: Any) -> str:
 def _checked(given: Any, layout: Action) -> Array:
     """(H, size) float64, finite."""
     if not isinstance(given, np.ndarray):
-        raise PolicyError("bad_reply", f"{layout.key!r} is a {type(given).__name__}, not an array")
+        raise PolicyError("bad_reply", f"{layout.key!r} is {with_article(type(given).__name__)}, not an array")
     if given.dtype.kind not in "fiu":
         raise PolicyError("bad_reply", f"actions of dtype {given.dtype}, not numbers")
     shape = given.shape

@@ -22,10 +22,12 @@ from mpvi_bt.choices.methods import load_method
 from mpvi_bt.choices.policies import PolicyInputs, settings_for
 from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.instances.tasks import Task, load_task
+from mpvi_bt.remote.briefing import unfit
 from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.remote.relay import Relay
 from mpvi_bt.remote.vla_eval import DEFAULT
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
+from mpvi_bt.robot.robots import ROBOTS
 
 POLICY = "vla_eval:runner"  # what results call a policy that is asked over the runner's connection
 _HOLD = {"hold": True}  # in the place of an answer that has not come yet
@@ -113,6 +115,9 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         self._cameras = cameras
         asked = {"policy": POLICY, "policy_settings": policy_settings}
         self._common = {**load_method(method), **asked, "seed": seed}
+        fitting = [name for name, robot in ROBOTS.items() if not unfit(self._settings, robot)]
+        if "robot" not in self._common and fitting and EpisodeConfig.robot not in fitting:
+            self._common["robot"] = fitting[0]
         self._out = Path(out) if out is not None else None
         # Our choice: one for all episodes, as everything of the renderer then happens in one.
         self._thread = ThreadPoolExecutor(1, "episode")

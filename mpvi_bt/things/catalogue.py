@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
+from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError, with_article
 from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.marked_yaml import Location, Marks, Record, Synset, load_marked, validate_data
 from mpvi_bt.rules.cutting import Cuttable
@@ -291,6 +291,8 @@ def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[st
     solids = (part.solid for body in description.bodies for part in body.parts)
     if any((solid.half_m <= 0).any() for solid in solids):
         return [
-            marks.problem(place, "impossible-shape", f"a {family} of these dimensions would have parts without size")
+            marks.problem(
+                place, "impossible-shape", f"{with_article(family)} of these dimensions would have parts without size"
+            )
         ]
     return []

@@ -7,11 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
+from mpvi_bt.errors import with_article
 from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
 from mpvi_bt.trace.explain import Diagnosis, Explanation, Link, Recovery
 
 _Item = TypeVar("_Item")
 
+_EVENTS = {"idle": "idling", "periodic": "so many steps"}  # of what no noun is meant
 _WHOLE = 2  # chains of units given up; of more only the reasons are shown; --json has all of everything
 _UNITS = 12  # given up, the last
 _SHOWN = 5  # earlier failures and answers, the last
@@ -176,7 +178,9 @@ class _Text:
         for asked in self.last(link.asked, "earlier questions", depth):
             answer = asked.answer
             said = ", ".join(filter(None, (answer.said, answer.reason)))
-            by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
+            by = f"after {_EVENTS.get(answer.event) or with_article(answer.event)}" + (
+                f", {answer.camera} camera" if answer.camera else ""
+            )
             by += f", answered in {answer.latency_s:.1f} s" if answer.latency_s else ""
             self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)
 

@@ -12,7 +12,7 @@ from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.own_nodes import as_described, own_nodes
 from mpvi_bt.behaviors.parameters import Call, NoParameters, Value
 from mpvi_bt.behaviors.registry import NodeType, node_types
-from mpvi_bt.errors import FileProblems, UserError, did_you_mean, shown
+from mpvi_bt.errors import FileProblems, UserError, did_you_mean, shown, with_article
 from mpvi_bt.marked_yaml import Location, Marks, problems_of
 from mpvi_bt.tree.calls import called_file
 from mpvi_bt.tree.spec import BrokenNode, NodeSpec, Place, TreeParameter, TreeSpec
@@ -211,7 +211,7 @@ class _Reader:
             self.reading.add(self.marks.problem((*at, first), "unknown-node", message, key=True, **more))
             return None
         for extra in kinds[1:]:
-            message = f"a second node type {extra!r} in a node that is a {kinds[0]!r} already"
+            message = f"a second node type {extra!r} in a node that is {with_article(repr(kinds[0]))} already"
             self.problem((*at, extra), "two-nodes", message, key=True)
         if kinds[0] != first:
             message = f"the node type {kinds[0]!r} must be the first key of its node"

@@ -11,7 +11,7 @@ from pydantic import Field, StringConstraints, WithJsonSchema, field_validator, 
 
 from mpvi_bt.behaviors.parameters import Key, Value
 from mpvi_bt.behaviors.registry import NodeType
-from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError, shown
+from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError, shown, with_article
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, Record, plain_scalar, validate_data
 from mpvi_bt.plan.schema import Phrase
 from mpvi_bt.plan.skills import Skill
@@ -36,7 +36,9 @@ class FullParameter(Record):
     @model_validator(mode="after")
     def _default_fits(self) -> FullParameter:
         if self.default is not None and not fits(self.default, self.type):
-            raise ValueError(f"the default of a {self.type!r} must be {due(self.type)}, not {shown(self.default)}")
+            raise ValueError(
+                f"the default of {with_article(repr(self.type))} must be {due(self.type)}, not {shown(self.default)}"
+            )
         return self
 
 
