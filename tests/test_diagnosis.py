@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from mpvi_bt.disturbances.late_policy import LatePolicy
 from mpvi_bt.drawing.cells import columns
 from mpvi_bt.episode.queries import with_truth
+from mpvi_bt.episode.result import kept_handoff, read_result, write_result
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, run_episode
 from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
@@ -25,6 +26,9 @@ from mpvi_bt.monitors.handoff import HandFigures, Handoff
 from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.recording.recorder import Recorder
+from mpvi_bt.report.figures import figures
+from mpvi_bt.report.page import report_page
+from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.timeline import timeline
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
@@ -35,6 +39,7 @@ from mpvi_bt.trace.html import trace_page
 from mpvi_bt.trace.read import read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import parse_tree
+from tests.synthetic_suites import synthetic_result, synthetic_runs
 
 SKILLS = load_skills()
 HELD = "the cup is held in a gripper"
@@ -179,6 +184,20 @@ def test_a_hand_that_closes_on_nothing(tmp_path: Path) -> None:
     assert handoff.hands["right"].arm_rad > 1.0
 
 
+def test_a_hand_that_closes_once_to_press(tmp_path: Path) -> None:
+    """That is no cause: if nothing moves from then on, standing still is."""
+
+    class Pressing(Moving):
+        def act(self, still: Array) -> Array:
+            action = super().act(still) if self.step < 30 else still.copy()
+            action[GRIPPER] = -1.0
+            return action
+
+    handoff, cause = only(play(tmp_path, Pressing())[0])
+    assert handoff.hands["right"].empty == 1
+    assert cause.startswith(f"the policy held still for 11 of {LIMIT_S} s")
+
+
 def test_commands_beyond_the_limits(tmp_path: Path) -> None:
     """Every action is told to be clipped, and the joint is named."""
     handoff, cause = only(play(tmp_path, Overreaching())[0])
@@ -271,6 +290,29 @@ def test_an_explanation_with_handoffs_fits_eighty_columns(tmp_path: Path) -> Non
     assert max(columns(line) for line in text.splitlines()) <= 80
     assert "\x1b" not in text
     assert "every action was clipped: right arm joint 2 beyond its limit" in " ".join(text.split())
+
+
+def test_results_and_their_report_tell_of_handoffs(tmp_path: Path) -> None:
+    """A result keeps the figures with the cause, and wall times apart; a report's page shows both."""
+    _, outcome = play(tmp_path, Overreaching())
+    (config,) = synthetic_runs("m", 0.0, ["picking_up_trash"], 1).episodes
+    plain = synthetic_result(config, 0.0)
+    kept_handoffs = [kept_handoff(handoff) for handoff in outcome.log.diagnosis]
+    wall = {**plain.wall, "answers": [{"mean_s": 0.25, "most_s": 0.5}]}
+    write_result(tmp_path / "r.json", plain.model_copy(update={"diagnosis": kept_handoffs, "wall": wall}))
+    result = read_result(tmp_path / "r.json")
+    assert result is not None
+    (kept,) = result.diagnosis or ()
+    assert kept.cause == "every action was clipped: right arm joint 2 beyond its limit"
+    assert kept.wall_mean_s == kept.wall_most_s == 0.0
+    assert result.timed_diagnosis is not None
+    assert result.timed_diagnosis[0].wall_mean_s == 0.25
+    runs = [Runs("m", [config], {config: result})]
+    page = report_page(figures("s", runs), runs)
+    for told in (kept.cause, "in 0.250 s each (wall time)", "1 to the policy, 0 confirmed by a checker"):
+        assert told in page
+    old = [Runs("m", [config], {config: plain})]
+    assert "was not kept" in report_page(figures("s", old), old)
 
 
 def test_an_older_trace_is_said_to_tell_nothing(tmp_path: Path) -> None:

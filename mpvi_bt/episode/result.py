@@ -273,6 +273,20 @@ class Result(Record):
         return result_html(self)
 
     @property
+    def timed_diagnosis(self) -> list[Handoff] | None:
+        """`diagnosis` with the wall times of the policy's answers, where they are there."""
+        answers: Any = self.wall.get("answers")
+        if self.diagnosis is None:
+            return None
+        try:
+            return [
+                replace(handoff, wall_mean_s=float(took["mean_s"]), wall_most_s=float(took["most_s"]))
+                for handoff, took in zip(self.diagnosis, answers, strict=True)
+            ]
+        except (KeyError, TypeError, ValueError):  # no digest covers wall times
+            return self.diagnosis
+
+    @property
     def gave_up(self) -> int:
         """Units of the plan that were given up."""
         return gave_up(self.ended, len(self.failures))
@@ -356,7 +370,7 @@ def make_result(
         actions=actions,
         lateness=lateness,
         handoffs=[asdict(handoff) for handoff in handoffs] or None,
-        diagnosis=None if diagnosis is None else [_kept(handoff) for handoff in diagnosis],
+        diagnosis=None if diagnosis is None else [kept_handoff(handoff) for handoff in diagnosis],
         config=config.record(),
         privileged=privileged(config.backends),
         way=Way(base=measured.way, things=dict(things or {})),
@@ -365,7 +379,7 @@ def make_result(
     )
 
 
-def _kept(handoff: Handoff) -> Handoff:
+def kept_handoff(handoff: Handoff) -> Handoff:
     """A handoff with its likely cause, and without wall times, of which the same config gives others."""
     cause = likely_cause(handoff)
     return replace(handoff, cause=cause.sentence if cause else "", wall_mean_s=0.0, wall_most_s=0.0)

@@ -26,6 +26,7 @@ class CauseThresholds:
         clipped: Share of the actions that were clipped. Every second one is no slip.
         waited: Share of the time in which the robot waited for answers: a policy is then slower than the robot.
         still: Share of the time without motion. A policy that waits for the checker's yes may use the rest to act.
+        empty: Times that hands closed on nothing. Once may be meant, as to press with a closed hand.
         shortest_s: A handoff shorter than this tells nothing by its motion [s]; a reach takes longer.
         slow: Wall time of an answer as a share of the time that its actions take; above 1 a real robot would wait.
     """
@@ -33,6 +34,7 @@ class CauseThresholds:
     clipped: float = 0.5
     waited: float = 0.5
     still: float = 0.5
+    empty: int = 2
     shortest_s: float = 2.0
     slow: float = 1.0
 
@@ -89,7 +91,7 @@ def _never_moved(h: Handoff) -> Cause | None:
 
 def _closed_on_nothing(h: Handoff) -> Cause | None:
     empty = sum(hand.empty for hand in h.hands.values())
-    if not empty or any(hand.grasped > hand.lost for hand in h.hands.values()):
+    if empty < _AT.empty or any(hand.grasped > hand.lost for hand in h.hands.values()):
         return None
     return Cause("closed_on_nothing", f"it closed on nothing{_times(empty)}")
 

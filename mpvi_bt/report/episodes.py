@@ -99,20 +99,21 @@ def _failures(result: Result) -> str:
 
 def _handoffs(result: Result) -> str:
     """What the policy did whenever it had control: whole where no checker confirmed it, else counted."""
-    if result.diagnosis is None:
+    diagnosis = result.timed_diagnosis
+    if diagnosis is None:
         return '<p class="dim">What the policy did in each handoff was not kept.</p>'
-    short = [handoff for handoff in result.diagnosis if not handoff.complete]
+    short = [handoff for handoff in diagnosis if not handoff.complete]
     items = []
     for handoff in short[-MOST_HANDOFFS:]:
         more = "".join(f"<li>{_text(line)}</li>" for line in handoff_lines(handoff))
-        head = f"{handoff.began_s:.0f} to {handoff.ended_s:.0f} s, {_text(handoff.prompt)}"
+        head = f"{handoff.began_s:.0f} to {handoff.ended_s:.0f} s, “{_text(handoff.prompt)}”"
         items.append(
             f'<li>{head}: <b>{_text(handoff_line(handoff))}</b><details><summary class="dim">figures</summary>'
             f"<ul>{more}</ul></details></li>"
         )
     if (more_ := len(short) - len(items)) > 0:
         items.insert(0, f'<li class="dim">and {more_} before</li>')
-    total = len(result.diagnosis)
+    total = len(diagnosis)
     told = f"{total} to the policy, {total - len(short)} confirmed by a checker"
     return f"<h5>Handoffs: {told}</h5><ul>{''.join(items)}</ul>" if total else ""
 
