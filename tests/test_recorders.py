@@ -344,7 +344,7 @@ def test_the_walls_before_rooms_are_near() -> None:
 
 def test_labels_of_a_picture_cover_neither_one_another_nor_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     """However near each other start, end, goals and things are."""
-    every: list[Labels] = []
+    every: list[Any] = []
 
     class Kept(Labels):
         def __init__(self, picture: Picture, size: float = 0.42) -> None:
