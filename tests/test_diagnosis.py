@@ -302,7 +302,8 @@ def test_results_and_their_report_tell_of_handoffs(tmp_path: Path) -> None:
     write_result(tmp_path / "r.json", plain.model_copy(update={"diagnosis": kept_handoffs, "wall": wall}))
     result = read_result(tmp_path / "r.json")
     assert result is not None
-    (kept,) = result.diagnosis or ()
+    assert result.diagnosis is not None
+    (kept,) = result.diagnosis
     assert kept.cause == "every action was clipped: right arm joint 2 beyond its limit"
     assert kept.wall_mean_s == kept.wall_most_s == 0.0
     assert result.timed_diagnosis is not None
