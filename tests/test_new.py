@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 import mpvi_bt
-from mpvi_bt.authoring.skeletons import new_house, new_object, new_policy, new_skill, new_task, new_tree
+from mpvi_bt.authoring.part_skeletons import new_part
+from mpvi_bt.authoring.skeletons import new_house, new_object, new_skill, new_task, new_tree
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import UserError
 from mpvi_bt.plan.clauses import match
@@ -149,11 +152,39 @@ def test_what_it_says_to_do_next_works(tmp_path: Path, mpvi: Shell) -> None:
 
 def test_a_policy_keeps_the_contract(root: Path) -> None:
     """And can be chosen by the path that is told; one that would be hidden by an installed module is refused."""
-    new_policy("steady").write(root)
+    new_part("policy", "steady").write(root)
     made = runpy.run_path("steady.py")["Steady"]
     check_policy(made(seed=0), make=lambda: made(seed=0))
     from mpvi_bt.episode.prepare import check_backends
 
     check_backends(EpisodeConfig("picking_up_trash", policy="steady:Steady"))
     with pytest.raises(UserError, match="'my_json' is free"):
-        new_policy("json")
+        new_part("policy", "json")
+
+
+@pytest.mark.parametrize("kind", ["policy", "detector", "checker"])
+def test_a_part_that_is_written_runs(kind: str, root: Path, mpvi: Shell) -> None:
+    """By the first of the commands that are told, which checks its contract; and it can be chosen."""
+    told = json.loads(mpvi("new", kind, f"my_{kind}", "--json", cwd=root).stdout)
+    check, run = told["next"]
+    done = subprocess.run([sys.executable, check.split()[1]], cwd=root, capture_output=True, text=True, check=False)
+    assert done.stdout == f"keeps the contract of {'policies' if kind == 'policy' else kind + 's'}\n", done.stderr
+    assert run in (root / f"my_{kind}.py").read_text()
+
+
+def test_a_node_that_is_written_runs(root: Path, mpvi: Shell) -> None:
+    """By the commands that are told, from any folder."""
+    told = json.loads(mpvi("new", "node", "my_node", "--json", cwd=root).stdout)
+    for command in told["next"]:
+        done = mpvi(*command.split()[1:], cwd=root)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_a_navigator_that_is_written_drives(root: Path, mpvi: Shell) -> None:
+    """By the command in its first lines, which plays an episode."""
+    mpvi("new", "navigator", "my_navigator", cwd=root)
+    (command,) = [line for line in (root / "my_navigator.py").read_text().splitlines() if line.startswith("    mpvi ")]
+    done = mpvi(*command.split()[1:], cwd=root, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "my_navigator:MyNavigator" in next((root / "runs").glob("*_0.json")).read_text()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import keyword
 import os
 import re
@@ -79,18 +78,18 @@ def checked_name(kind: str, name: str, known: Mapping[str, Any] | list[str]) -> 
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise UserError(
             f"{shown(name)} cannot name {with_article(kind)}: lower case letters, digits and underscores, a letter "
-            f"first, 60 at most. {_free(kind, name, known)!r} would do."
+            f"first, 60 at most. {free_name(kind, name, known)!r} would do."
         )
     if name in known:
         whose = f" ({known[name]})" if isinstance(known, Mapping) else ""
         raise UserError(
             f"there is {with_article(kind)} {name!r} already{whose}, and two of one name would hide each other. "
-            f"{_free(kind, name, known)!r} is free."
+            f"{free_name(kind, name, known)!r} is free."
         )
     return name
 
 
-def _free(kind: str, name: str, known: Mapping[str, Any] | list[str]) -> str:
+def free_name(kind: str, name: str, known: Mapping[str, Any] | list[str]) -> str:
     """The nearest name to one that can be none, or is taken."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     near = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_")[:50]
@@ -267,19 +266,6 @@ def new_task(name: str) -> Skeleton:
     )
 
 
-def new_policy(name: str) -> Skeleton:
-    """A policy in Python."""
-    checked_name("policy", name, {})
-    if importlib.util.find_spec(name) is not None and not Path(f"{name}.py").exists():
-        free = _free("policy", name, [name])
-        raise UserError(f"{name}: a Python module of that name is installed; {free!r} is free.")
-    made = "".join(word.capitalize() for word in name.split("_"))
-    return Skeleton(
-        {f"{name}.py": _POLICY.format(name=name, made=made)},
-        (f"python ROOT/{name}.py", f"mpvi run picking_up_trash --policy {name}:{made} --no-watch"),
-    )
-
-
 def home() -> Path:
     """The root that new files go to: the first folder of `MPVI_PATH`, or else the current folder."""
     return paths.roots()[0] if len(paths.roots()) > 1 else Path()
@@ -419,39 +405,3 @@ segments:
     description: put the can of soda in the trash can
     completion_criterion: the can of soda is in the trash can
 """
-
-_POLICY = '''\
-"""A policy: a prompt, pictures and proprioception go in, a chunk of actions comes out (docs/policies.md)."""
-
-import numpy as np
-
-
-class {made}:
-    """Stands still. What it may ask for when it is made: skills, vocabulary, detector, seed.
-
-    Attributes:
-        name: In results.
-        cameras: That it wants pictures of: "head", "left", "right".
-    """
-
-    name = "{name}"
-    cameras = ("head",)
-
-    def __init__(self, seed):
-        self.random = np.random.default_rng(seed)
-
-    def reset(self):
-        """Forget the last prompt: a new unit begins."""
-
-    def infer(self, observation):
-        """(N, 23) actions for the next N steps of 1/30 s; docs/observations.md has the keys and the layout."""
-        observation["prompt"], observation["proprioception"], observation["images"].get("head")
-        return np.zeros((10, 23))
-
-
-if __name__ == "__main__":
-    from mpvi_bt.testing import check_policy
-
-    check_policy({made}(seed=0))
-    print("keeps the contract of policies")
-'''

@@ -86,6 +86,9 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             factory="mpvi_bt.choices.detectors:segmentation",
         ),
     },
+    "navigator": {
+        "grid": Backend("plans its way on the map's grid, and searches for what has no known place"),
+    },
     "policy": {
         "expert": Backend(
             "scripted skills on true poses: the upper bound", privileged=True, factory="mpvi_bt.choices.policies:expert"

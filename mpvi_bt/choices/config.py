@@ -95,6 +95,7 @@ class PerceptionSettings:
 
     map: str = setting("prior", "What is known of the house at first.", "NAME")
     detector: str = setting("segmentation", "Who finds things.", "NAME")
+    navigator: str = setting("grid", "Who drives the base.", "NAME")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,8 +257,8 @@ class EpisodeConfig(  # dataclasses take fields from the last base on
 ):
     """One episode, fully named: the same config gives the same result, wall times apart.
 
-    Its fields are those of the groups above. Backends (planner, map, detector, policy, checker, trigger) are given by
-    name, or name and address ("openpi:ws://localhost:8000").
+    Its fields are those of the groups above. Backends (planner, map, detector, navigator, policy, checker, trigger) are
+    given by name, or name and address ("openpi:ws://localhost:8000").
     """
 
     @property
@@ -274,7 +275,7 @@ class EpisodeConfig(  # dataclasses take fields from the last base on
     @property
     def backends(self) -> dict[str, str]:
         """Kind to name of every chosen backend."""
-        return {kind: getattr(self, kind) for kind in ("planner", "map", "detector", "policy", "checker", "trigger")}
+        return {kind: getattr(self, kind) for kind in KINDS}
 
     def kept_in(self, folder: Path, stem: str = "", trace: bool = True) -> EpisodeConfig:
         """The same, its trace, its plan, and how it stands if it is stopped, written there, beside its result.
@@ -300,6 +301,9 @@ class EpisodeConfig(  # dataclasses take fields from the last base on
             if each.name in RECORDED and (each.name in ALWAYS or getattr(self, each.name) != each.default)
         }
         return entries | ({"arguments": dict(self.arguments)} if self.arguments else {})
+
+
+KINDS = ("planner", "map", "detector", "navigator", "policy", "checker", "trigger")  # of backends
 
 
 def names(*groups: type[Any]) -> tuple[str, ...]:

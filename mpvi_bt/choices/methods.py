@@ -18,7 +18,10 @@ from mpvi_bt.marked_yaml import Marks, load_marked, validate_data
 FOLDER = "tasks/methods"
 
 
-class Method(settings_record(METHOD, required=BACKENDS)):  # type: ignore[misc]  # mypy knows no derived classes
+_REQUIRED = [kind for kind in BACKENDS if kind != "navigator"]  # all of ours drive by the same one
+
+
+class Method(settings_record(METHOD, required=_REQUIRED)):  # type: ignore[misc]  # mypy knows no derived classes
     """One method: every backend, and what else is not as an episode has it by default (`choices/config.py`).
 
     Attributes:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from mpvi_bt.choices.backends import choose
 from mpvi_bt.house.house import House
 from mpvi_bt.house.prior_map import knowledge as prior_knowledge
 from mpvi_bt.house.prior_map import prior_map
@@ -14,6 +15,7 @@ from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.lookout import Circle, Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.detector import Detector
+from mpvi_bt.protocols import Navigator
 from mpvi_bt.remote.remote_world import RemoteWorld
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.stow import ArmStow
@@ -42,6 +44,20 @@ def make_navigator(
         stow = ArmStow(world.robot, seed, lambda side: world.holding(side) is not None)
         return KnownPlaceNavigator(world.robot, doors, world.knowledge, stow)
     return explorer(world, house, phrases, detector, map_, seed)
+
+
+def who_drives(given: str, ours: KnownPlaceNavigator, world: World | RemoteWorld, seed: int) -> Navigator:
+    """The navigator of a name, such as "my_navigator:Mine"; `ours`, which it may hand drives to, is "grid".
+
+    Raises:
+        UnknownName: There is none of that name.
+        UserError: It cannot be made.
+    """
+    choice = choose("navigator", given)
+    if choice.part is None:
+        return ours
+    made: Navigator = choice.make(robot=world.robot, ours=ours, seed=seed)
+    return made
 
 
 def explorer(

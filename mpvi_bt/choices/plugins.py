@@ -1,7 +1,8 @@
 """Backends of other packages: by import path, "my_package.my_module:MyPolicy", or by the name of an entry point.
 
-The entry point groups are `mpvi_bt.planner`, `mpvi_bt.detector`, `mpvi_bt.policy`, `mpvi_bt.checker` and
-`mpvi_bt.trigger`. What is chosen is called with those of the things on offer that it names as parameters.
+The entry point groups are `mpvi_bt.planner`, `mpvi_bt.detector`, `mpvi_bt.navigator`, `mpvi_bt.policy`,
+`mpvi_bt.checker` and `mpvi_bt.trigger`. What is chosen is called with those of the things on offer that it names as
+parameters.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from mpvi_bt.import_paths import IMPORT_PATH, imported, told
 OFFERED: Mapping[str, tuple[str, ...]] = {
     "planner": ("skills", "grounding", "tell"),
     "detector": ("vocabulary", "seed"),
+    "navigator": ("robot", "ours", "seed"),
     "policy": ("skills", "vocabulary", "detector", "seed"),
     "checker": ("vocabulary", "seed"),
     "trigger": ("robot",),
@@ -118,7 +120,14 @@ def entry_points(kind: str) -> dict[str, str]:
 def _protocol(kind: str) -> type:
     from mpvi_bt.perception.detector import Detector
     from mpvi_bt.plan.planners import Planner
-    from mpvi_bt.protocols import Checker, Policy, Triggers
+    from mpvi_bt.protocols import Checker, Navigator, Policy, Triggers
 
-    protocols = {"planner": Planner, "detector": Detector, "policy": Policy, "checker": Checker, "trigger": Triggers}
+    protocols: dict[str, type] = {
+        "planner": Planner,
+        "detector": Detector,
+        "navigator": Navigator,
+        "policy": Policy,
+        "checker": Checker,
+        "trigger": Triggers,
+    }
     return protocols[kind]

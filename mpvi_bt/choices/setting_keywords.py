@@ -22,6 +22,7 @@ class SuiteKeywords(TypedDict, total=False):
     calibration: str | None
     map: str
     detector: str
+    navigator: str
     policy: str
     policy_settings: str | None
     policy_horizon: int | None

@@ -21,7 +21,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 
 @click.group()
 def new() -> None:
-    """Write files to begin with: a tree, skill, object, house, task or policy.
+    """Write files to begin with: a tree, skill, object, house or task, or a part in Python.
 
     They go below the first folder of MPVI_PATH, or else below the current one; nothing is written over. What is written
     passes `mpvi check` and runs as it is.
@@ -129,13 +129,31 @@ def task(name: str, root: Path | None, as_json: bool) -> None:
     _write(new_task(name), root, as_json)
 
 
+def _part(kind: str, about: str) -> None:
+    """The command of a part in Python."""
+
+    def part(name: str, root: Path | None, as_json: bool) -> None:
+        from mpvi_bt.authoring.part_skeletons import new_part
+
+        _write(new_part(kind, name), root or Path(), as_json)
+
+    part.__doc__ = about
+    new.command(name=kind)(_named(part))
+
+
+_part("policy", "A policy in Python, in the current folder.")
+_part("detector", "A detector in Python, in the current folder.")
+_part("navigator", "A navigator in Python, in the current folder.")
+_part("checker", "A completion checker in Python, in the current folder.")
+
+
 @new.command()
 @_named
-def policy(name: str, root: Path | None, as_json: bool) -> None:
-    """A policy in Python, in the current folder."""
-    from mpvi_bt.authoring.skeletons import new_policy
+def node(name: str, root: Path | None, as_json: bool) -> None:
+    """A node of trees in Python, with a tree beside it that has it."""
+    from mpvi_bt.authoring.part_skeletons import new_node
 
-    _write(new_policy(name), root or Path(), as_json)
+    _write(new_node(name), root, as_json)
 
 
 def _given() -> set[str]:

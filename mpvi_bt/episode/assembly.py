@@ -12,7 +12,7 @@ from mpvi_bt.choices.checkers import make_checker, make_triggers
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.lateness import LateChecker, latency_of
-from mpvi_bt.choices.navigators import explorer, make_navigator
+from mpvi_bt.choices.navigators import explorer, make_navigator, who_drives
 from mpvi_bt.choices.policies import (
     PolicyInputs,
     demonstrations,
@@ -45,7 +45,7 @@ class RunParts:
     """What a run is made of.
 
     Attributes:
-        navigator: Drives the base.
+        navigator: Ours, which knows the map; drives the base unless the config names another.
         policy: Moves the arms.
         context: What behaviors are handed.
         took_s: Wall time of each of the policy's answers so far [s], where the config has `times`.
@@ -103,7 +103,7 @@ def assemble(
     context = Context(
         clock=world,
         robot=world.robot,
-        navigator=navigator,
+        navigator=who_drives(config.navigator, navigator, world, config.seed),
         policy=with_pregrasp(handed, ground) if config.pregrasp else handed,
         checker=checker if config.latency is None else LateChecker(checker, latency_of(config, "checker")),
         triggers=make_triggers(config.trigger, world.robot),
@@ -115,7 +115,7 @@ def assemble(
         blackboard=dict(tree.spec.blackboard),
     )
     if prepared.planner is not None:
-        context.replanning = _replanning(prepared, config, tree, context, world)
+        context.replanning = _replanning(prepared, config, tree, context, world, navigator)
     return RunParts(navigator, policy, context, timed.took_s if timed else [])
 
 
@@ -140,7 +140,12 @@ def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:
 
 
 def _replanning(
-    prepared: Prepared, config: EpisodeConfig, tree: Tree, context: Context, world: World | RemoteWorld
+    prepared: Prepared,
+    config: EpisodeConfig,
+    tree: Tree,
+    context: Context,
+    world: World | RemoteWorld,
+    navigator: KnownPlaceNavigator,
 ) -> Replanner:
     """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
     assert prepared.planner is not None
@@ -154,7 +159,6 @@ def _replanning(
         arrange=arrangement(config, context.skills),
         late_s=latency_of(config, "planner", answers=1),  # the first is the plan itself
     )
-    navigator = context.navigator
     if not isinstance(navigator, ExploringNavigator):
         assert isinstance(world, World)
         return replanning(seen=lambda: things(world.knowledge()))
