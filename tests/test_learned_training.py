@@ -111,6 +111,27 @@ def test_another_training_is_not_gone_on_with(folder: Path, tmp_path: Path):
         trained(folder, tmp_path / "a.pt", steps=4)
 
 
+class Touching:
+    """Touches a file when it is unpickled."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Path.touch, (self.file,)
+
+
+def test_no_code_of_a_kept_training_is_run(folder: Path, tmp_path: Path):
+    """A file with anything but numbers and weights is refused in one line."""
+    import torch
+
+    torch.save({"sizes": Touching(tmp_path / "touched")}, tmp_path / "a.pt")
+    with pytest.raises(UserError, match="is no kept training") as caught:
+        trained(folder, tmp_path / "a.pt")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "touched").exists()
+
+
 def test_a_device_that_torch_lacks_is_refused(folder: Path, tmp_path: Path):
     """In a line, before anything is written."""
     with pytest.raises(UserError, match="device 'abacus'"):

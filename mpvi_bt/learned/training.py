@@ -8,6 +8,7 @@ makes the same weights on one machine; a GPU adds up in no fixed order, so there
 from __future__ import annotations
 
 import math
+import pickle
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -85,7 +86,11 @@ def train(job: Training, kept: Path, tell: Callable[[dict[str, Any]], None]) -> 
     actor, proposer = _Actor(batches, check, job), _Proposer(batches, check, job)
     sizes = {"seed": job.seed, "frames": len(job.frames.look), "steps": [job.actor_steps, job.proposer_steps]}
     if kept.exists():
-        state = torch.load(kept, map_location="cpu", weights_only=False)
+        try:
+            state = torch.load(kept, map_location="cpu", weights_only=True)
+        except (pickle.UnpicklingError, RuntimeError, EOFError) as error:
+            why = str(error).splitlines()[0][:100]
+            raise UserError(f"{kept}: is no kept training ({why}); delete it to begin anew.") from None
         if state["sizes"] != sizes:
             raise UserError(f"{kept}: is of another training, {state['sizes']}, not {sizes}; delete it to begin anew.")
         job.curves[:] = state["curves"]
