@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def broken(folder: Path, what: str) -> Path:
         ("nan", "no finite numbers|cannot be read|flat"),
         ("flat", "is flat, or a line"),
         ("fine", "81920 triangles, more than 50000"),
-        ("huge", "would be 200 m large; is it in millimetres: --scale 0.001"),
+        ("huge", r"in millimetres: --scale 0.001 \(0.2 m\) or centimetres: --scale 0.01 \(2 m\)\?"),
     ],
 )
 def test_what_is_no_mesh_of_a_thing_is_refused(what: str, said: str, tmp_path: Path) -> None:
@@ -274,3 +275,14 @@ def test_convex_parts_of_what_is_hollow_are_computed(tmp_path: Path) -> None:
     from mpvi_bt.things.mesh_import import volume_of
 
     assert volume_of(made.bodies) == pytest.approx(np.pi * (0.05**2 - 0.03**2) * 0.06, rel=0.15)
+
+
+def test_a_unit_is_named_for_each_size_that_a_thing_may_have(tmp_path: Path) -> None:
+    """Inches too; none is named by which it would still be too large or too small."""
+    import trimesh
+
+    trimesh.creation.box((12, 12, 12)).export(tmp_path / "box.stl")
+    with pytest.raises(UserError) as caught:
+        import_mesh(tmp_path / "box.stl")
+    named = re.findall(r"(\w+): --scale", str(caught.value))
+    assert named == ["millimetres", "centimetres", "inches"]

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 SUFFIXES = (*MESHES, ".urdf")
 MAX_TRIANGLES = 50_000  # Our choice: a camera's picture on a CPU costs by them
+_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254}
 _SMALLEST_M, _LARGEST_M = 0.005, 4.0  # Our choice: what stands in a room; outside of it the unit was another
 _COLORS = 12  # of a skin at most: each is a shape to draw
 _CONVEX = 0.97  # share of its hull's volume that a part fills which counts as convex
@@ -276,8 +277,12 @@ def _check(found: ImportedMesh, file: Path) -> None:
     low, high = bounds_of(found.bodies.values())
     largest = float((high - low).max())
     if not _SMALLEST_M <= largest <= _LARGEST_M:
-        unit = "millimetres: --scale 0.001" if largest > 100 else "centimetres: --scale 0.01"
-        why = f"is it in {unit}?" if largest > _LARGEST_M else "is its unit larger than a metre? Give --scale."
+        sizes = {unit: (largest * scale, scale) for unit, scale in _UNITS.items()}
+        units = [
+            f"{unit}: --scale {s:g} ({m:.3g} m)" for unit, (m, s) in sizes.items() if _SMALLEST_M <= m <= _LARGEST_M
+        ]
+        guess = f"is it in {' or '.join(units)}?" if units else "give --scale."
+        why = guess if largest > _LARGEST_M else "is its unit larger than a metre? Give --scale."
         raise UserError(f"{file}: would be {largest:.3g} m large; {why}")
     if (count := sum(len(body.hulls) for body in found.bodies.values())) > MAX_HULLS:
         raise UserError(f"{file}: has {count} convex parts, more than {MAX_HULLS}.")
