@@ -255,6 +255,18 @@ def test_hostile_text_stays_text() -> None:
         assert EVIL in page.data["trees"][0][0]["label"]
 
 
+def test_a_page_tells_things_by_their_words() -> None:
+    """What a checker or a node says of a thing has no synset on the page."""
+    told = "can__of__soda.n.01_1 is seen between the fingers"
+    asked = {"criterion": "held", "event": "grasp", "complete": True, "reason": told, "path": "wait"}
+    state = {"status": "FAILURE", "feedback": f"lost: {told}", "reason": "lost", "evidence": told, "origin": "wait"}
+    lines = [head(parse_tree("tree: t\nroot:\n  wait: 1\n"))]
+    lines.append({"tick": 1, "time_s": 0.0, "nodes": {"wait": state}, "queries": [asked]})
+    (frame,) = Tags(trace_page(written(lines))).data["frames"]
+    assert frame["said"][0]["text"].endswith("can of soda is seen between the fingers")
+    assert ".n.01" not in json.dumps(frame)
+
+
 def test_nothing_else_runs_or_loads() -> None:
     """The policy allows our script and style by their hashes and nothing more; the page names no address."""
     page = Tags(trace_page(hostile_run()))

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
-_SYNSET = re.compile(r"\b([a-z][\w-]*?)\.[nvars]\.\d+(?:_(\d+))?\b")
+_SYNSET = re.compile(r"\b([a-z][\w-]*?)\.n\.\d+(?:_(\d+))?\b")
 _NUMBER = re.compile(r"_(\d+)$")
 
 
@@ -32,6 +32,11 @@ def spoken_texts(texts: Iterable[str]) -> list[str]:
     texts = list(texts)
     said = spoken_each(dict.fromkeys(found[0] for text in texts for found in _SYNSET.finditer(text)))
     return [_SYNSET.sub(lambda found: said[found[0]], text) for text in texts]
+
+
+def spoken_text(text: str) -> str:
+    """One text likewise, such as what a checker gives as its reason."""
+    return spoken_texts([text])[0] if ".n." in text else text
 
 
 def _words(name: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from mpvi_bt.drawing.text import tree_lines
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.goals.spoken import spoken_text
 from mpvi_bt.recording import cards
 from mpvi_bt.recording.frame_text import (
     COLUMNS,
@@ -208,7 +209,9 @@ def _answers(tree: Tree) -> list[str]:
     """What prompted the checker, what it was asked and what it said, of its last answers."""
     context = getattr(tree, "context", None)  # none where setup failed
     queries = context.log.queries[-_ANSWERS:] if context else []
-    return [f"{q.time_s:.1f} s, {q.event}: {q.criterion}? {q.said.capitalize()}: {q.reason}" for q in queries]
+    return [
+        f"{q.time_s:.1f} s, {q.event}: {q.criterion}? {q.said.capitalize()}: {spoken_text(q.reason)}" for q in queries
+    ]
 
 
 def _doing(tree: Tree) -> str:

@@ -21,6 +21,7 @@ from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.endings import WELL
 from mpvi_bt.drawing.symbols import MARKS, Standing, outcome, sign, standing, state_style
 from mpvi_bt.drawing.text import ascii_tree
+from mpvi_bt.goals.spoken import spoken_text
 from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
 from mpvi_bt.trace.lines import End, Tick
 from mpvi_bt.trace.read import Trace
@@ -84,7 +85,7 @@ def _said(tick: Tick) -> Iterable[dict[str, Any]]:
     """Answers of the checker, what hands felt, new plans, handoffs that ended: of whom, what, and how it is marked."""
     for answer in tick.queries:
         seen = f" ({answer.camera})" if answer.camera else ""
-        text = f"{answer.criterion}? {answer.said}{seen}: {answer.reason}"
+        text = f"{answer.criterion}? {answer.said}{seen}: {spoken_text(answer.reason)}"
         is_: Standing = "success" if answer.complete else "idle"
         yield {"path": answer.path, "text": one_line(text), "is": is_, "about": "question"}
     for notice in tick.notices:
@@ -134,7 +135,8 @@ def _state(state: NodeState, time_s: float) -> dict[str, Any]:
         shown["began" if running else "elapsed"] = time_s - state.elapsed_s if running else state.elapsed_s
     if state.limit_s is not None and math.isfinite(state.limit_s):
         shown["limit"] = state.limit_s
-    return shown | {word: one_line(text) for word in _WORDS if (text := str(getattr(state, word)))}
+    texts = {word: one_line(text) for word in _WORDS if (text := str(getattr(state, word)))}
+    return shown | {word: text if word == "origin" else spoken_text(text) for word, text in texts.items()}
 
 
 def _end(trace: Trace) -> dict[str, Any]:
