@@ -25,7 +25,7 @@ from mpvi_bt.recording.frame_text import BAR, INKS, LEGEND, SIZE, Caption, plain
 from mpvi_bt.recording.labels import Labels, Picture, Rectangle
 from mpvi_bt.recording.named_house import name_things
 from mpvi_bt.recording.path_picture import PathPicture, path_picture
-from mpvi_bt.recording.video import Follower, Video, compose
+from mpvi_bt.recording.video import Follower, Video, compose, has_index
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
@@ -246,6 +246,35 @@ def test_only_films_of_failures_are_kept(tmp_path: Path, met: bool | None) -> No
     video.end(Outcome("success" if met else "interrupted", goal=goal))
     assert [path.name for path in sorted(tmp_path.iterdir())] == ([] if met else ["episode.mp4", "episode.poster.jpg"])
     assert met or len(frames(file)) >= 2
+
+
+@pytest.mark.parametrize("how", ["at once", "in the end"])
+def test_a_full_disk_ends_the_film_and_not_the_episode(
+    tmp_path: Path, how: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One line says so; the tree runs to its end, and no film that cannot be played goes unnoticed."""
+    file = tmp_path / "episode.mp4"
+    file.symlink_to("/dev/full")
+    said: list[str] = []
+    video = Video(file, frames_per_s=30 if how == "at once" else 0.5, tell=said.append)
+    world = VisibleWorld()
+    watch(world, video, spec=WAITING)
+    assert world.steps == 60  # two seconds, as without a film
+    (line,) = said
+    assert line.startswith(f"{file}: ")
+    assert "is the disk full?" in line
+    assert capfd.readouterr().err == ""  # ffmpeg's own words would be five lines
+
+
+def test_whether_a_film_can_be_played_is_told_by_its_parts(tmp_path: Path) -> None:
+    """A whole film has its index; one that was cut anywhere, or is none, has not, or is too short."""
+    file, cut = tmp_path / "episode.mp4", tmp_path / "cut.mp4"
+    watch(VisibleWorld(), Video(file, frames_per_s=2), spec=WAITING)
+    whole = file.read_bytes()
+    assert has_index(file)
+    for length in (0, 4, 8, 100, len(whole) // 2, len(whole) - 1):
+        cut.write_bytes(whole[:length])
+        assert not has_index(cut)
 
 
 def test_after_ctrl_c_the_video_plays(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import struct
+import sys
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import Protocol, cast
@@ -10,7 +12,6 @@ from typing import Protocol, cast
 import numpy as np
 
 from mpvi_bt.drawing.text import tree_lines
-from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.goals.spoken import spoken_text
 from mpvi_bt.recording import cards
@@ -60,7 +61,8 @@ class Video(Watcher):
 
     It begins with a card of instruction and plan, and of what signs and colors mean, and ends with one of the goal's
     conditions, where there are such. The file is closed properly however the episode ends, Ctrl-C included. The last
-    state, with q, also goes beside it, as `NAME.poster.jpg`, for pages that show the film.
+    state, with q, also goes beside it, as `NAME.poster.jpg`, for pages that show the film. Where the film cannot be
+    written any more, such as on a full disk, a line says so, and the episode goes on without it.
 
     Args:
         file: Where to write.
@@ -72,6 +74,7 @@ class Video(Watcher):
         viewpoint: T_world_camera (4, 4), optical frame, for a base pose (3,); None: a camera that follows the robot.
         search: Where the robot searches: frames show its map, too, and what was detected in the head's picture.
         only_failures: Whether the film is deleted where the goal is met.
+        tell: Is given that line.
     """
 
     def __init__(
@@ -84,8 +87,9 @@ class Video(Watcher):
         viewpoint: Callable[[Array], Array] | None = None,
         search: SearchView | None = None,
         only_failures: bool = False,
+        tell: Callable[[str], None] = lambda line: print(f"mpvi: {line}", file=sys.stderr),
     ) -> None:
-        self._only_failures = only_failures
+        self._only_failures, self._tell = only_failures, tell
         self._file, self._title, self._about, self._viewpoint = Path(file), title, about, viewpoint
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._fps, self._speed = CONTROL_HZ / self._every * speed, speed
@@ -111,7 +115,7 @@ class Video(Watcher):
             codec="libx264",
             quality=None,
             output_params=["-preset", "veryfast", "-crf", "28", "-movflags", "+faststart"],
-            ffmpeg_log_level="error",
+            ffmpeg_log_level="quiet",
         )
         self._writer.send(None)
         self._last = tree, world
@@ -119,7 +123,7 @@ class Video(Watcher):
 
     def step(self, tree: Tree, world: World) -> None:
         """Draw a frame when one is due."""
-        if world.steps % self._every:
+        if world.steps % self._every or self._writer is None:
             return
         states = tree.states()
         busy = max(
@@ -132,19 +136,23 @@ class Video(Watcher):
 
     def end(self, outcome: Outcome) -> None:
         """Show the last state for a second, if it can be drawn, then how the goal stands, and close the file."""
-        if self._writer is None or self._last is None:
+        if self._last is None:
             return
+        last, self._last = self._last, None
         deleted = self._only_failures and outcome.goal is not None and outcome.goal.satisfied
         try:
             if outcome.ending != "error" and not deleted:
-                spec = self._last[0].spec
+                spec = last[0].spec
                 told = outcome.told(spec)
                 for _ in range(round(self._fps * _LAST_S)):
-                    self._send(*self._last, told.split(", ", 1) if outcome.goal else ["", told])
+                    self._send(*last, told.split(", ", 1) if outcome.goal else ["", told])
                 self._show(cards.closing(outcome, spec), _CARD_S)
         finally:
-            writer, self._writer = self._writer, None
-            writer.close()  # waits for ffmpeg to write the index, without which the file does not play
+            if self._writer is not None:
+                self._writer.close()  # waits for ffmpeg to write the index, without which the file does not play
+                self._writer = None
+                if not deleted and not has_index(self._file):
+                    self._tell(f"{self._file}: cannot be played: ffmpeg could not finish it; is the disk full?")
             if deleted:
                 for file in (self._file, self._poster):
                     file.unlink(missing_ok=True)
@@ -198,11 +206,28 @@ class Video(Watcher):
             self._write(card)
 
     def _write(self, frame: Picture | None) -> None:
-        assert self._writer is not None
+        if self._writer is None:
+            return
         try:
             self._writer.send(frame)
-        except OSError as error:
-            raise BackendError(f"{self._file}: ffmpeg stopped writing the video: {error}") from error
+        except OSError:
+            self._writer = None
+            self._tell(f"{self._file}: the film breaks off here, as ffmpeg cannot write it; is the disk full?")
+
+
+def has_index(file: Path) -> bool:
+    """Whether an mp4 has the index (`moov`) that players need, and is as long as its parts say."""
+    with contextlib.suppress(OSError, struct.error), file.open("rb") as stream:
+        length, at, found = file.stat().st_size, 0, False
+        while at < length:
+            stream.seek(at)
+            size, kind = struct.unpack(">I4s", stream.read(8))
+            if size == 1:
+                (size,) = struct.unpack(">Q", stream.read(8))
+            found = found or kind == b"moov"
+            at += size or length - at
+        return found and at == length
+    return False
 
 
 def _answers(tree: Tree) -> list[str]:
