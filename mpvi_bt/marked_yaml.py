@@ -261,6 +261,7 @@ def _problems(
             pass  # the validator's own words; or a part of a union that the file does not name
         else:
             message = f"{_words(kind, context, message)}, not {_given(kind, context, item['input'])}"
+            message += _in_metres(location, item["input"])
         code = "wrong-type" if kind in _SHAPES else _CODES.get(kind, "invalid-value")
         yield marks.problem(location, code, message, kind == "extra_forbidden", nearest=near, known=tuple(known))
 
@@ -279,6 +280,21 @@ def _words(kind: str, context: Mapping[str, Any], message: str) -> str:
         name = context["pattern"] == "^[a-z][a-z0-9_]*$"
         return "should be a name such as my_name" if name else f"should match the pattern {context['pattern']}"
     return message
+
+
+_LENGTH = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(mm|cm|m|inches|inch|in|ft|feet|foot|"|')\s*""")
+_METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "foot": 0.3048, "'": 0.3048}  # else inches
+
+
+def _in_metres(location: Location, value: Any) -> str:
+    """What a length that was given with its unit is in metres, for fields of metres; else ""."""
+    field = next((part for part in reversed(location) if isinstance(part, str)), "")
+    given = _LENGTH.fullmatch(value) if isinstance(value, str) and field.endswith("_m") else None
+    return (
+        f"; lengths are in metres, without a unit: {float(given[1]) * _METRES.get(given[2], 0.0254):.4g}"
+        if given
+        else ""
+    )
 
 
 def _given(kind: str, context: Mapping[str, Any], value: Any) -> str:

@@ -356,3 +356,25 @@ def test_a_no_break_space_within_a_text_is_text() -> None:
         "b": "\xa0",
         "\xa0": 1,
     }
+
+
+@pytest.mark.parametrize(
+    ("written", "metres"),
+    [
+        ("4 in", "0.1016"),
+        ("'4\"'", "0.1016"),
+        ("12inches", "0.3048"),
+        ("2 ft", "0.6096"),
+        ("150mm", "0.15"),
+        ("3 cm", "0.03"),
+    ],
+)
+def test_a_length_with_a_unit_is_told_in_metres(written: str, metres: str) -> None:
+    """Fields of metres take plain numbers; what has no unit that we know gets no such hint."""
+    with pytest.raises(
+        FileProblems, match=f"should be a number, not .*; lengths are in metres, without a unit: {metres}"
+    ):
+        validate_data(*parse_marked(f"shape: ball\nradius_m: {written}\n", "ball.yaml"), Ball)
+    with pytest.raises(FileProblems) as caught:
+        validate_data(*parse_marked("shape: ball\nradius_m: wide\n", "ball.yaml"), Ball)
+    assert "metres" not in str(caught.value)
