@@ -51,6 +51,21 @@ class Marks:
     values: dict[Location, tuple[int, int]] = field(default_factory=dict)
     keys: dict[Location, tuple[int, int]] = field(default_factory=dict)
 
+    @classmethod
+    def unplaced(cls, data: Any, file: str) -> Marks:
+        """Of data that stands in no file: without places, which give problems their JSON pointers."""
+        marks = cls(file)
+        left: list[tuple[Location, Any]] = [((), data)]
+        while left:
+            at, value = left.pop()
+            marks.values[at] = (0, 0)
+            if isinstance(value, dict):
+                marks.keys.update({(*at, key): (0, 0) for key in value})
+                left += [((*at, key), inner) for key, inner in value.items()]
+            elif isinstance(value, list):
+                left += [((*at, i), inner) for i, inner in enumerate(value)]
+        return marks
+
     def at(self, location: Iterable[str | int], key: bool = False) -> tuple[int, int]:
         """(line, column) of the value, or of its key, or else of the nearest thing around it."""
         known = self.known(location)

@@ -18,7 +18,8 @@ import pytest
 
 pytest.importorskip("mcp")
 
-from mcp import Client, StdioServerParameters, stdio_client
+import jsonschema
+from mcp import Client, MCPError, StdioServerParameters, stdio_client
 from mcp.client.streamable_http import streamable_http_client
 
 from mpvi_bt.mcp_server.run_processes import RunProcesses
@@ -80,8 +81,8 @@ def test_an_agent_finds_its_way(tmp_path: Path) -> None:
         scene = await call(client, "scene", task="picking_up_trash")
         assert "kitchen" in scene["rooms"]
         plan = await call(client, "plan", task="picking_up_trash")
-        assert (await call(client, "check", text=plan["tree"], task="picking_up_trash"))["ok"]
-        wrong = await call(client, "check", text="tree: t\nroot:\n  wiat: 2\n")
+        assert (await call(client, "check", tree=plan["tree"], task="picking_up_trash"))["ok"]
+        wrong = await call(client, "check", tree="tree: t\nroot:\n  wiat: 2\n")
         assert not wrong["ok"]
         assert (wrong["problems"][0]["line"], "wait" in wrong["problems"][0]["message"]) == (3, True)
         assert "--> wait 2 s" in (await call(client, "preview", tree=WAITS))["drawing"]
@@ -141,6 +142,158 @@ def test_only_known_tasks_are_named(task: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+GREETS = "tree: greets\nparameters:\n  word: text\n  laps: {type: integer, default: 2}\nroot: {say: $word}\n"
+RUNS = ["progress", "explain", "stop"]
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_every_tool_refuses_what_it_does_not_take(word: str, tmp_path: Path) -> None:
+    """By its schema and when it is called: a misspelt argument is named with the nearest one, and nothing is begun."""
+
+    async def ask(client: Client) -> None:
+        (tool,) = [tool for tool in (await client.list_tools()).tools if tool.name == word]
+        assert tool.input_schema["additionalProperties"] is False
+        for name in tool.input_schema["properties"]:
+            error = (await call(client, word, **{name[:-1]: "1"}))["error"]
+            assert f"unknown argument {name[:-1]!r}. Did you mean {name!r}?" in error
+        assert "unknown argument 'nonsense'" in (await call(client, word, nonsense=1))["error"]
+
+    asked(tmp_path, ask)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_tool_that_is_not_there_is_refused_with_the_nearest(tmp_path: Path) -> None:
+    """As any name."""
+
+    async def ask(client: Client) -> None:
+        assert "unknown tool 'chek'. Did you mean 'check'?" in (await call(client, "chek", tree=WAITS))["error"]
+
+    asked(tmp_path, ask)
+
+
+def test_a_run_that_is_not_there_is_no_other_one(tmp_path: Path) -> None:
+    """Whatever stands for its id: only where no id is given, the last run is meant."""
+
+    async def ask(client: Client) -> None:
+        run = (await call(client, "run", tree=WAITS))["run"]
+        for tool in RUNS:
+            for odd in ("99", "", "null", "latest", f" {run}", f"{run}\x00", "../1", 1, True, [run], {"run": run}):
+                assert "error" in await call(client, tool, run=odd), (tool, odd)
+            assert f"unknown run '99'. Known: {run}." in (await call(client, tool, run="99"))["error"]
+        with pytest.raises(MCPError, match="unknown run '99'"):
+            await client.read_resource("mpvi://runs/99/trace")
+        assert (await call(client, "progress"))["run"] == run
+
+    asked(tmp_path, ask)
+
+
+def test_an_argument_means_the_same_in_every_tool(tmp_path: Path) -> None:
+    """One name has one type, and the same words in it where it is the same thing."""
+
+    async def ask(client: Client) -> None:
+        types: dict[str, set[str]] = {}
+        for tool in (await client.list_tools()).tools:
+            for name, schema in tool.input_schema["properties"].items():
+                kinds = [part["type"] for part in schema.get("anyOf", [schema]) if part.get("type") != "null"]
+                types.setdefault(name, set()).add(json.dumps(kinds))
+                said = schema["description"]
+                if name in ("tree", "parameters", "run"):
+                    types.setdefault(f"{name}'s words", set()).add(said)
+        assert all(len(found) == 1 for found in types.values()), types
+        assert "text" not in types
+
+    asked(tmp_path, ask)
+
+
+def test_parameters_of_a_tree_are_given(tmp_path: Path) -> None:
+    """They are checked before anything runs, drawn, and run with; a tree may be JSON."""
+
+    async def ask(client: Client) -> None:
+        refused = (await call(client, "run", tree=GREETS))["error"]
+        assert refused == "tree 'greets' needs values for its parameters: word (text)"
+        wrong = await call(client, "check", tree=GREETS, parameters={"word": "hello", "lap": 1})
+        assert "Did you mean 'laps'?" in wrong["error"]
+        assert (await call(client, "check", tree=GREETS, parameters={"word": "hello", "laps": 3}))["ok"]
+        assert "laps" in (await call(client, "check", tree=GREETS, parameters={"word": "hello", "laps": "x"}))["error"]
+        drawn = await call(client, "preview", tree=GREETS, parameters={"word": "hello there"})
+        assert "hello there" in drawn["drawing"]
+        assert drawn["parameters"] == {"word": "text, has to be given", "laps": "integer, 2 by default"}
+        as_json = json.dumps({"tree": "says", "parameters": {"word": "text"}, "root": {"say": "$word"}})
+        run = (await call(client, "run", tree=as_json, parameters={"word": "hi = there"}))["run"]
+        ended = await call(client, "progress", run=run, wait_s=40)
+        assert ended["outcome"].startswith("tree succeeded"), ended
+        assert "parameters are those of a tree" in (await call(client, "run", task="picking_up_trash",
+                                                                parameters={"word": "a"}))["error"]  # fmt: skip
+
+    asked(tmp_path, ask)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"tree": WAITS, "policy": "expert"}, "dry=false"),
+        ({"tree": WAITS, "on_failure": "replan"}, "dry=false"),
+        ({"tree": WAITS, "instance": 3}, "name the task"),
+        ({"task": "picking_up_trash", "instance": 900}, "out of range"),
+        ({"task": "picking_up_trash", "dry": "false"}, "dry: should be true or false, not 'false'"),
+        ({"task": "picking_up_trash", "seed": "1"}, "seed: should be a whole number, not '1'"),
+        ({"task": "picking_up_trash", "dry": False, "policy": "experrt"}, "Did you mean 'expert'?"),
+        ({}, "wants a task"),
+    ],
+)
+def test_nothing_that_is_asked_of_a_run_is_passed_over(given: dict[str, Any], why: str, tmp_path: Path) -> None:
+    """What would have no effect, or not the one that is meant, is refused; nothing is begun."""
+
+    async def ask(client: Client) -> None:
+        assert why in (await call(client, "run", **given))["error"]
+
+    asked(tmp_path, ask, allow_motion=True)
+    assert not list(tmp_path.iterdir())
+
+
+RAW = [
+    "pydantic",
+    "validation error",
+    "input_type",
+    "Input should",
+    "Error executing",
+    "Traceback",
+    "_type=",
+    "mpvi_bt/",
+]
+ODD: list[Any] = [
+    None, "", " ", "x" * 5000, -1, 1e308, 10**30, True, [], {}, [[["deep"]]], {"a": {"b": 1}}, "\x00", "\ud800",
+    "&a [*a]",
+    "null", "[1]", '{"tree": 1}', "../../etc/passwd", "--help", "tree: t\nroot: {wiat: 2}", {"": []}, {"word": None},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_what_a_schema_refuses_the_tool_refuses_in_our_words(word: str, tmp_path: Path) -> None:
+    """Each odd value of each argument: no validator's own text, on one line, and within a thousand characters."""
+
+    async def ask(client: Client) -> None:
+        (tool,) = [tool for tool in (await client.list_tools()).tools if tool.name == word]
+        good = {"task": "picking_up_trash"} if "task" in tool.input_schema.get("required", ()) else {}
+        for name in tool.input_schema["properties"]:
+            for odd in ODD:
+                given = {**good, name: odd}
+                try:
+                    answer = await client.call_tool(word, given)
+                except MCPError as error:
+                    assert not any(raw in str(error) for raw in RAW), (given, error)
+                    continue
+                text = answer.content[0].text  # type: ignore[union-attr]
+                valid = jsonschema.Draft202012Validator(tool.input_schema).is_valid(given)
+                assert answer.is_error or valid, given
+                if answer.is_error:
+                    assert not any(raw in text for raw in RAW), (given, text)
+                    assert text.isprintable(), (given, text)
+                    assert len(text) < 1200, given
+
+    asked(tmp_path, ask)
+
+
 def malformed(seed: int) -> Iterator[tuple[str, dict[str, Any]]]:
     """Calls as no client should make them."""
     rng = random.Random(seed)
@@ -158,7 +311,20 @@ def malformed(seed: int) -> Iterator[tuple[str, dict[str, Any]]]:
         "\x00",
         "&a [*a]",
     ]
-    names = ["task", "tree", "text", "run", "wait_s", "dry", "instance", "seed", "policy", "on_failure", "nonsense"]
+    names = [
+        "task",
+        "tree",
+        "plan",
+        "parameters",
+        "run",
+        "wait_s",
+        "dry",
+        "instance",
+        "seed",
+        "policy",
+        "on_failure",
+        "nonsense",
+    ]
     while True:
         yield (
             rng.choice([*WORDS, "shell", ""]),

@@ -64,6 +64,7 @@ class Preview(BaseModel):
 
     name: str
     nodes: int
+    parameters: dict[str, str] = Field(description="Its parameters, of which `parameters` gives values.")
     drawing: str
 
 

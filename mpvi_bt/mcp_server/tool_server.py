@@ -15,8 +15,9 @@ from mcp_types import ToolAnnotations
 from starlette.types import ASGIApp
 
 import mpvi_bt
-from mpvi_bt.errors import MpviError
+from mpvi_bt.errors import MpviError, UnknownName
 from mpvi_bt.mcp_server.answers import RunProgress
+from mpvi_bt.mcp_server.strict_tool import StrictTool
 from mpvi_bt.mcp_server.tools import Tools
 
 _LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
@@ -30,13 +31,35 @@ it; progress says how far it is, explain why it failed. One run at a time."""
 
 def make_server(tools: Tools) -> MCPServer[Any]:
     """The server of some tools, on no transport yet."""
-    server: MCPServer[Any] = MCPServer(
-        "mpvi_bt", instructions=_INSTRUCTIONS, version=mpvi_bt.__version__, log_level="ERROR"
+    looks = (tools.tasks, tools.scene, tools.plan, tools.check, tools.preview, tools.explain)
+    server = _Server(
+        "mpvi_bt",
+        instructions=_INSTRUCTIONS,
+        version=mpvi_bt.__version__,
+        log_level="ERROR",
+        tools=[
+            *(StrictTool.of(_told(tool), _LOOKS) for tool in looks),
+            StrictTool.of(_told(tools.run), _MOVES),
+            StrictTool.of(_told(tools.stop), _ENDS),
+            StrictTool.of(_progress(tools), _LOOKS),
+        ],
     )
-    for tool in (tools.tasks, tools.scene, tools.plan, tools.check, tools.preview, tools.explain):
-        server.tool(annotations=_LOOKS)(_told(tool))
-    server.tool(annotations=_MOVES)(_told(tools.run))
-    server.tool(annotations=_ENDS)(_told(tools.stop))
+    _add_resources(server, tools)
+    return server
+
+
+class _Server(MCPServer[Any]):
+    """The SDK's, with the nearest name where a client calls a tool that is not there."""
+
+    async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:
+        known = [tool.name for tool in await self.list_tools()]
+        if name not in known:
+            raise ToolError(str(UnknownName("tool", name, known)))
+        return await super().call_tool(name, arguments, context)
+
+
+def _progress(tools: Tools) -> Callable[..., Any]:
+    """The tool that says meanwhile what happens."""
 
     async def progress(ctx: Context, run: str | None = None, wait_s: float = 0.0) -> RunProgress:
         try:
@@ -47,9 +70,7 @@ def make_server(tools: Tools) -> MCPServer[Any]:
     progress.__doc__ = tools.progress.__doc__
     given = inspect.get_annotations(tools.progress, eval_str=True)
     progress.__annotations__ = {"ctx": Context, **{n: given[n] for n in ("run", "wait_s", "return")}}
-    server.tool(annotations=_LOOKS)(progress)
-    _add_resources(server, tools)
-    return server
+    return progress
 
 
 def over_http(server: MCPServer[Any]) -> ASGIApp:
@@ -66,7 +87,7 @@ def _told(tool: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return tool(*args, **given)
         except MpviError as error:
-            raise ToolError(str(error)) from None
+            raise ToolError("; ".join(str(error).splitlines())) from None
 
     told.__annotations__ = inspect.get_annotations(tool, eval_str=True)
     return told

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -27,14 +27,25 @@ from mpvi_bt.mcp_server.answers import (
 )
 from mpvi_bt.mcp_server.run_processes import RunProcess, RunProcesses
 
+if TYPE_CHECKING:
+    from mpvi_bt.behaviors.parameters import Value
+    from mpvi_bt.tree.spec import TreeSpec
+
 _MOST = 200_000  # characters of a tree
 _EVERY_S = 0.5
 _LONGEST_S = 50.0  # clients give a call up after a minute
 
 TaskName = Annotated[str, Field(description="Name of a task, as `tasks` lists them.", max_length=100)]
-Text = Annotated[str, Field(description="A behavior tree or a plan, as YAML or JSON.", max_length=_MOST)]
-TreeText = Annotated[str | None, Field(description="A tree as YAML, or the name of one on file.", max_length=_MOST)]
-RunId = Annotated[str | None, Field(description="Which run; the last one by default.", max_length=20)]
+PlanText = Annotated[str | None, Field(description="A plan, as JSON or YAML.", max_length=_MOST)]
+TreeText = Annotated[
+    str | None, Field(description="A tree as YAML or JSON, or the name of one on file.", max_length=_MOST)
+]
+Parameters = Annotated[
+    dict[str, str | int | float | bool] | None, Field(description="Values of the tree's own parameters, by name.")
+]
+RunId = Annotated[
+    str | None, Field(description="Id of a run, as `run` returned it; left out: the last one.", max_length=20)
+]
 Report = Callable[[float, float | None, str], Awaitable[None]]
 
 
@@ -93,14 +104,28 @@ class Tools:
         return TaskPlan(task=task, plan=plan.to_json(), tree=dump_tree(api.compile_plan(plan)))
 
     def check(
-        self, text: Text, task: Annotated[str | None, Field(description="Check names against this task.")] = None
+        self,
+        tree: TreeText = None,
+        plan: PlanText = None,
+        task: Annotated[str | None, Field(description="Check names against this task, too.", max_length=100)] = None,
+        parameters: Parameters = None,
     ) -> CheckedText:
         """Every problem of a tree or a plan, with line, column and what would be valid. Check before you run."""
         from mpvi_bt.authoring.checking import check_files
 
-        with contextlib.suppress(FileProblems):  # told below
-            _refuse_code(text)
-        problems = check_files(["-"], None if task is None else _known(task), text).problems
+        _one_of(tree=tree, plan=plan)
+        _of_a_tree(tree, parameters)
+        text = str(plan if tree is None else tree)
+        named = text if tree in paths.names("trees") else "-"
+        if named == "-":
+            with contextlib.suppress(FileProblems):  # told below
+                _refuse_code(text)
+        problems = check_files([named], None if task is None else _known(task), text).problems
+        if parameters is not None and not any(problem.severity == "error" for problem in problems):
+            try:
+                _spec(text, parameters)
+            except FileProblems as error:
+                problems = [*problems, *error.problems]
         return CheckedText(
             ok=not [p for p in problems if p.severity == "error"],
             problems=[
@@ -110,50 +135,82 @@ class Tools:
         )
 
     def preview(
-        self, tree: TreeText = None, task: Annotated[str | None, Field(description="Draw the tree of its plan.")] = None
+        self,
+        tree: TreeText = None,
+        task: Annotated[str | None, Field(description="Draw the tree of its plan.", max_length=100)] = None,
+        parameters: Parameters = None,
     ) -> Preview:
         """Draw a tree, or that of a task's plan. {-} is a sequence, {o} a selector, /_/ a parallel, -^- a decorator."""
         from mpvi_bt import api
         from mpvi_bt.drawing.text import ascii_tree
         from mpvi_bt.instances.tasks import load_task
-        from mpvi_bt.plan.skills import load_skills
-        from mpvi_bt.tree.yaml_io import parse_tree
 
-        if (tree is None) == (task is None):
-            raise UserError("preview wants a tree or a task, one of them")
-        if task is not None:
-            spec = api.compile_plan(load_task(_known(task)).plan)
-        elif tree in paths.names("trees"):
-            spec = api.load_tree(tree)
-        else:
-            _refuse_code(str(tree))
-            spec = parse_tree(str(tree), "tree", load_skills())
-        return Preview(name=spec.name, nodes=len(spec.nodes), drawing=ascii_tree(spec, width=100))
+        _one_of(tree=tree, task=task)
+        _of_a_tree(tree, parameters)
+        spec = _spec(str(tree), parameters) if task is None else api.compile_plan(load_task(_known(task)).plan)
+        takes = {
+            name: f"{p.type}, {f'{p.default} by default' if p.default is not None else 'has to be given'}"
+            for name, p in spec.parameters.items()
+        }
+        return Preview(name=spec.name, nodes=len(spec.nodes), parameters=takes, drawing=ascii_tree(spec, width=100))
 
     def run(
         self,
-        task: TaskName | None = None,
+        task: Annotated[str | None, Field(description="Name of a task; its plan is run.", max_length=100)] = None,
         tree: TreeText = None,
         dry: Annotated[bool, Field(description="Tick the tree with stand-ins: nothing moves.")] = True,
         instance: Annotated[int, Field(ge=0, le=999, description="Start state of the task.")] = 0,
-        seed: Annotated[int, Field(ge=0, le=999_999)] = 0,
-        policy: Annotated[Literal["expert", "reactive"], Field(description="Who moves the arms.")] = "expert",
-        on_failure: Literal["advance", "replan"] = "advance",
+        seed: Annotated[int, Field(ge=0, le=999_999, description="Of all that is drawn by chance.")] = 0,
+        policy: Annotated[
+            Literal["expert", "reactive"] | None, Field(description="Who moves the arms (expert); with dry=false.")
+        ] = None,
+        on_failure: Annotated[
+            Literal["advance", "replan"] | None,
+            Field(description="What becomes of a failed segment of the task's plan (advance); with dry=false."),
+        ] = None,
+        parameters: Parameters = None,
     ) -> Started:
-        """Begin a run and return at once with its id. One run at a time; the robot moves only with dry=false."""
-        if task is None and (tree is None or not dry):
-            raise UserError("run wants a task; only a dry run of a tree does without one")
-        if not dry and not self._allow_motion:
-            raise UserError("nothing moves here: the server was started without --allow-motion; only dry runs are made")
-        words = [] if task is None else [_known(task), "--instance", str(instance)]
-        words += ["--seed", str(seed)]
-        words += ["--dry"] if dry else ["--policy", policy, "--on-failure", on_failure]
+        """Begin a run and return at once with its id. One run at a time; the robot moves only with dry=false.
+
+        A task alone runs its plan, a tree beside it that tree in its place. A dry run takes a tree without a task.
+        """
+        self._check_run(task, tree, dry, instance, policy, on_failure)
+        _of_a_tree(tree, parameters)
+        words = [] if task is None else [task, "--instance", str(instance)]
+        words += ["--seed", str(seed), *(["--dry"] if dry else [])]
+        words += [] if policy is None else ["--policy", policy]
+        words += [] if on_failure is None else ["--on-failure", on_failure]
+        for name, value in (parameters or {}).items():
+            words += ["--param", f"{name}={str(value).lower() if isinstance(value, bool) else value}"]
+        if tree is not None and not (checked := self.check(tree, None, task, parameters or {})).ok:
+            raise UserError("; ".join(f"line {p.line}: {p.message}" for p in checked.problems if p.severity == "error"))
+        if tree is not None and (unbound := (spec := _spec(tree, parameters)).unbound):
+            wanted = ", ".join(f"{name} ({spec.parameters[name].type})" for name in unbound)
+            raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
         if tree is not None and tree in paths.names("trees"):
             words, tree = [*words, "--tree", tree], None
-        if tree is not None and not (checked := self.check(tree, task)).ok:
-            raise UserError("; ".join(f"line {p.line}: {p.message}" for p in checked.problems if p.severity == "error"))
         run = self._runs.start(words, f"{task or 'a tree'}{', dry' if dry else ''}", dry, tree)
         return Started(run=run.id, dry=dry, trace=f"mpvi://runs/{run.id}/trace")
+
+    def _check_run(
+        self, task: str | None, tree: str | None, dry: bool, instance: int, policy: str | None, on_failure: str | None
+    ) -> None:
+        """Refuse what cannot be run, or would be without a part of what is asked. Raises UserError."""
+        from mpvi_bt.instances.tasks import load_task
+
+        if task is None and (tree is None or not dry):
+            raise UserError("run wants a task; only a dry run of a tree does without one")
+        if task is not None:
+            load_task(_known(task)).check_instance(instance)
+        elif instance:
+            raise UserError("instance is a start state of a task: name the task")
+        if not dry and not self._allow_motion:
+            raise UserError("nothing moves here: the server was started without --allow-motion; only dry runs are made")
+        for name, value in (("policy", policy), ("on_failure", on_failure)):
+            if dry and value is not None:
+                raise UserError(f"{name} is for runs that move the robot: leave it out, or set dry=false")
+        if on_failure is not None and tree is not None:
+            raise UserError("on_failure is for the plan of a task: a tree says itself what becomes of failures")
 
     async def progress(
         self, report: Report, run: RunId = None,
@@ -200,6 +257,29 @@ class Tools:
 
     def _named(self, run: str | None) -> RunProcess:
         return self._runs.last if run is None else self._runs.get(run)
+
+
+def _one_of(**given: str | None) -> None:
+    """Refuse none or both of two arguments. Raises UserError."""
+    if sum(value is not None for value in given.values()) != 1:
+        raise UserError(f"give {' or '.join(given)}, one of them")
+
+
+def _of_a_tree(tree: str | None, parameters: Mapping[str, Value] | None) -> None:
+    """Refuse parameters of nothing. Raises UserError."""
+    if parameters and tree is None:
+        raise UserError("parameters are those of a tree: give the tree, too")
+
+
+def _spec(tree: str, parameters: Mapping[str, Value] | None) -> TreeSpec:
+    """The tree of a name, or in a text. Raises FileProblems, or UserError of a text that brings code."""
+    from mpvi_bt.plan.skills import load_skills
+    from mpvi_bt.tree.yaml_io import load_tree, parse_tree
+
+    if tree in paths.names("trees"):
+        return load_tree(paths.find("trees", tree), load_skills(), parameters)
+    _refuse_code(tree)
+    return parse_tree(tree, "tree", load_skills(), parameters)
 
 
 def _known(task: str) -> str:

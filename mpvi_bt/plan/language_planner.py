@@ -163,24 +163,9 @@ def checked(
     """
     if isinstance(data, dict):
         data = {**data, "instruction": instruction, **({"task_name": task_name} if task_name else {})}
-    marks = _marks(data)
+    marks = Marks.unplaced(data, "answer")
     try:
         plan = validate_data(data, marks, Plan)
     except FileProblems as error:
         return None, error.problems
     return plan, plan_problems(plan, skills, grounding, marks, begins)
-
-
-def _marks(data: Any) -> Marks:
-    """Marks without places, which give problems their JSON pointers."""
-    marks = Marks("answer")
-    left: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
-    while left:
-        at, value = left.pop()
-        marks.values[at] = (0, 0)
-        if isinstance(value, dict):
-            marks.keys.update({(*at, key): (0, 0) for key in value})
-            left += [((*at, key), inner) for key, inner in value.items()]
-        elif isinstance(value, list):
-            left += [((*at, i), inner) for i, inner in enumerate(value)]
-    return marks
