@@ -107,6 +107,13 @@ def test_things_begin_where_the_core_has_them(env: gymnasium.Env[Any, Any], inst
     assert np.abs(here.robot.proprioception().base_pose - there.robot.proprioception().base_pose).max() < 1e-6
 
 
+def test_an_option_of_reset_that_is_not_there_is_refused(env: gymnasium.Env[Any, Any]) -> None:
+    """With the nearest one: it was passed over, and another start was played than the one that was meant."""
+    with pytest.raises(UnknownName, match=r"unknown option of reset 'instnace'\. Did you mean 'instance'"):
+        env.reset(options={"instnace": 3})
+    env.reset(options={"instance": 3, "reconfigure": False})
+
+
 def test_the_same_commands_drive_the_same_way(env: gymnasium.Env[Any, Any]) -> None:
     """Ten seconds of the same commands give paths of the base within 2 cm of each other all along."""
     env.reset()

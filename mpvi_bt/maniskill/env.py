@@ -50,6 +50,7 @@ from mpvi_bt.sim.world import World
 
 _STATE_MODES = ("state", "state_dict")
 _BLIND_MODES = (*_STATE_MODES, "none")
+_RESET_OPTIONS = ("instance", "env_idx", "reconfigure", "reset_to_env_states")  # ours, and those of ManiSkill
 _VIEW_RAD = 0.6
 
 
@@ -290,7 +291,11 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
         Raises:
             UserError: The task has no such instance.
+            UnknownName: There is no such option.
         """
+        for name in options or ():
+            if name not in _RESET_OPTIONS:
+                raise UnknownName("option of reset", str(name), _RESET_OPTIONS)
         gymnasium.Env.reset(self, seed=int(np.ravel(seed)[0]) if seed is not None else None)
         if options is not None and "env_idx" in options:  # ManiSkill's masks take rows in this order
             options = {**options, "env_idx": torch.sort(torch.as_tensor(options["env_idx"], device=self.device)).values}
