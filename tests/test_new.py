@@ -188,3 +188,11 @@ def test_a_navigator_that_is_written_drives(root: Path, mpvi: Shell) -> None:
     done = mpvi(*command.split()[1:], cwd=root, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "my_navigator:MyNavigator" in next((root / "runs").glob("*_0.json")).read_text()
+
+
+@pytest.mark.parametrize("kind", ["detector", "navigator", "checker"])
+def test_the_docs_show_the_whole_class_that_is_written(kind: str) -> None:
+    """So that what they show is what other tests run."""
+    page = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
+    (written,) = new_part(kind, f"my_{kind}").files.values()
+    assert f"```python\n{written}```" in page

@@ -44,7 +44,7 @@ def _class_name(kind: str, name: str, taken: dict[str, str]) -> str:
 _POLICY = '''\
 """A policy: a prompt, pictures and proprioception go in, a chunk of actions comes out (docs/policies.md).
 
-    {run}
+{run}
 """
 
 import numpy as np
@@ -83,7 +83,7 @@ if __name__ == "__main__":
 _DETECTOR = '''\
 """A detector: a picture and phrases go in, what is where comes out (docs/detectors.md).
 
-    {run}
+{run}
 """
 
 import numpy as np
@@ -121,7 +121,7 @@ if __name__ == "__main__":
 _NAVIGATOR = '''\
 """A navigator: drives the base to what a phrase names (docs/policies.md).
 
-    {run}
+{run}
 """
 
 
@@ -152,7 +152,7 @@ class {made}:
 _CHECKER = '''\
 """A completion checker: a criterion and a picture go in, yes or no comes out (docs/policies.md).
 
-    {run}
+{run}
 """
 
 from mpvi_bt.protocols import Judgement

@@ -19,7 +19,7 @@ _MOST_THREADS = 8  # Our choice: more gain little with small models
 
 def main(file: str) -> None:
     """Serve `file` until standard input ends."""
-    told = keep_stdout()  # what llama.cpp prints is not for who started us
+    told, sys.stdout = keep_stdout(), sys.stderr  # what llama.cpp prints is not for who started us
     try:
         import xllamacpp
 

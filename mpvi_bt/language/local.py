@@ -94,7 +94,8 @@ class LocalModel:
         try:
             said = json.loads(line)
         except ValueError:
-            code = process.wait()
+            _end(process)  # it has ended, or says what it should not
+            code = process.returncode
             said = {"error": f"its process ended with {code}" if code >= 0 else f"signal {-code} ended its process"}
         if "url" not in said:
             _end(process)
