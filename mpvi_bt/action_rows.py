@@ -21,6 +21,7 @@ import numpy as np
 
 from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.robot.limits import largest_step
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
@@ -130,7 +131,7 @@ def composed(twists: Array, seconds: Sequence[float], total_s: float) -> Array:
         way += cmath.rect(np.sinc(half / math.pi), yaw + half) * complex(vx, vy) * held_s
         yaw += 2 * half
     if abs(yaw) > math.pi:  # our choice: of a row in which it turns farther, as far as it went
-        return np.asarray(np.asarray(seconds) @ twists / total_s)
+        return np.asarray(matmul(seconds, twists) / total_s)
     straight = way / cmath.rect(np.sinc(yaw / 2 / math.pi), yaw / 2)
     return np.array([straight.real, straight.imag, yaw]) / total_s
 

@@ -85,6 +85,7 @@ def test_replay_as_json(trace: Path) -> None:
     assert [tick["tick"] for tick in ticks] == [tick.tick for tick in run.ticks]
     assert ticks[0]["nodes"]["fetch"]["status"] == "RUNNING"
     assert sum(len(tick["queries"]) for tick in ticks) == 1
+    assert [handoff for tick in ticks for handoff in tick["diagnosis"]]
     held = json.loads(RUN.invoke(replay, [str(trace), "--json", "--tick", "100"]).output)
     assert held["nodes"] == {path: vars(state) for path, state in run.states_at(100).items()}
     assert (held["tick"], held["time_s"]) == (100, pytest.approx(99 / 30))

@@ -172,5 +172,8 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         assisted=True,
         sim="maniskill",
         robot="fetch",
+        navigator="my_navigator:Mine",
+        policy_rate=10.0,
+        policy_actions="delta",
     )
     assert SavedSettings(**full.record()).model_dump() == full.record()

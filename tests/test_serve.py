@@ -530,7 +530,8 @@ def test_what_is_sent_and_answered_is_documented() -> None:
     section = page[page.index("## Serving a policy") : page.index("## Driving a vla-eval server")]
     sent, answered = section.split("### What it answers")
     rows = re.compile(r"^\| `([^`]+)`", re.MULTILINE)
-    assert set(rows.findall(sent)) == _keys(write_observation(observation(), True, {"a": ["b"]}))
+    asked = {**write_observation(observation(), True, {"a": ["b"]}), "rate_hz": 10.0}  # a client of its own rate
+    assert set(rows.findall(sent)) == _keys(asked)
     with serving() as server, client(server) as connection:
         metadata = received(connection)
         ask(connection, GOOD)
@@ -538,7 +539,8 @@ def test_what_is_sent_and_answered_is_documented() -> None:
         ask(connection, "garbage")
         metrics = set(re.findall(r"# TYPE (\S+)", server.metrics.text()))
     documented = rows.findall(answered) + re.findall(r"`(mpvi_serve_\w+)", answered)
-    assert {name.removesuffix("{kind}") for name in documented} == _keys(answer) | metrics
+    told = _keys(answer) | {"rate_hz"}  # which this policy does not say
+    assert {name.removesuffix("{kind}") for name in documented} == told | metrics
     assert all(f'"{key}": ' in section for key in metadata)
 
 

@@ -29,7 +29,7 @@ OTHER = {  # a value of each setting of a method that is not as by default
     "policy_ensemble": 0.5, "policy_rate": 10.0, "policy_actions": "delta",
     "pregrasp": True, "checker": "oracle", "trigger": "periodic:300", "while_asked": "hold",
     "policy_faults": "drift", "latency": "policy=0.4", "while_inferring": "go_on", "robot": "fetch", "sim": "maniskill",
-    "assisted": True,
+    "assisted": True, "navigator": "my_navigator:mine",
 }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from mpvi_bt.disturbances.late_policy import LatePolicy
 from mpvi_bt.manipulation.policies.backup import WithBackup
 from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble, WrappedPolicy
 from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
+from mpvi_bt.manipulation.policies.paced import PacedPolicy
 from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ACTION_SIZE
@@ -51,6 +52,7 @@ WRAPPERS: Mapping[type, Callable[[Any], Any]] = {
     WithPregrasp: lambda policy: WithPregrasp(policy, PregraspPolicy(SKILLS)),
     WithBackup: lambda policy: WithBackup(policy, Saying("the other"), SKILLS),
     DemonstratedPolicy: lambda policy: DemonstratedPolicy(policy, {}),
+    PacedPolicy: PacedPolicy,
 }
 
 

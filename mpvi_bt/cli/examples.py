@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import click
 
+_PARTS = ("policy", "detector", "navigator", "checker", "node")  # that `mpvi new` writes in Python
 _TRACE = "runs/picking_up_trash_0_0.trace.jsonl"
 
 # Words of a command, and what may stand behind them.
@@ -50,7 +51,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     "new object": ("hammer", "vase --like bottle", "my_mug --mesh mug.glb --scale 0.01"),
     "new house": ("flat", "flat --root ~/robot", "flat --json"),
     "new task": ("clear_the_table", "clear_the_table --root ~/robot", "clear_the_table --json"),
-    "new policy": ("my_policy", "my_policy --root src", "my_policy --json"),
+    **{f"new {kind}": (f"my_{kind}", f"my_{kind} --root src", f"my_{kind} --json") for kind in _PARTS},
     "show": ("trash_can --out can.jpg", "picking_up_trash --out house.png", "--page docs/families.md"),
     "check": (
         "my_tree.yaml",

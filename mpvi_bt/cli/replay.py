@@ -72,7 +72,7 @@ def _print_json(trace: Trace, tick: int | None) -> None:
     for i, change in enumerate(trace.ticks):
         shown = dict(vars(change))
         shown["nodes"] = {path: vars(state) for path, state in change.nodes.items()}
-        for name in ("queries", "notices", "replans"):
+        for name in ("queries", "notices", "replans", "diagnosis"):
             shown[name] = [asdict(entry) for entry in shown[name]]
         tell((",\n " if i else "\n ") + json.dumps(shown), nl=False)
     tell("\n]")
