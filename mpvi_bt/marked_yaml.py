@@ -192,6 +192,7 @@ _SHAPES = {
     "list_type": "a list",
     "tuple_type": "a list",
     "string_type": "text",
+    "string_unicode": "text without halves of characters",
     "float_type": "a number",
     "float_parsing": "a number",
     "int_type": "a whole number",

@@ -228,6 +228,21 @@ def test_parameters_of_a_tree_are_given(tmp_path: Path) -> None:
     asked(tmp_path, ask)
 
 
+def test_what_stands_for_a_tree_or_a_plan_is_one(tmp_path: Path) -> None:
+    """A word that names no tree is told with the nearest; a plan is no tree, nor a tree a plan."""
+
+    async def ask(client: Client) -> None:
+        for tool in ("check", "preview", "run"):
+            assert "unknown tree 'ftech'. Did you mean 'fetch'?" in (await call(client, tool, tree="ftech"))["error"]
+        plan = (await call(client, "plan", task="picking_up_trash"))["plan"]
+        assert (await call(client, "check", plan=plan))["ok"]
+        assert "tree: this is a plan, not a tree" in (await call(client, "check", tree=plan))["error"]
+        assert "plan: this is a tree, not a plan" in (await call(client, "check", plan=WAITS))["error"]
+
+    asked(tmp_path, ask)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("given", "why"),
     [
@@ -256,6 +271,7 @@ RAW = [
     "validation error",
     "input_type",
     "Input should",
+    "a valid",
     "Error executing",
     "Traceback",
     "_type=",

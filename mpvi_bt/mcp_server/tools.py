@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 from collections.abc import Awaitable, Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, UserError
+from mpvi_bt.behaviors.parameters import Value
+from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.mcp_server.answers import (
     CheckedText,
     Found,
@@ -28,7 +30,6 @@ from mpvi_bt.mcp_server.answers import (
 from mpvi_bt.mcp_server.run_processes import RunProcess, RunProcesses
 
 if TYPE_CHECKING:
-    from mpvi_bt.behaviors.parameters import Value
     from mpvi_bt.tree.spec import TreeSpec
 
 _MOST = 200_000  # characters of a tree
@@ -40,9 +41,7 @@ PlanText = Annotated[str | None, Field(description="A plan, as JSON or YAML.", m
 TreeText = Annotated[
     str | None, Field(description="A tree as YAML or JSON, or the name of one on file.", max_length=_MOST)
 ]
-Parameters = Annotated[
-    dict[str, str | int | float | bool] | None, Field(description="Values of the tree's own parameters, by name.")
-]
+Parameters = Annotated[dict[str, Value] | None, Field(description="Values of the tree's own parameters, by name.")]
 RunId = Annotated[
     str | None, Field(description="Id of a run, as `run` returned it; left out: the last one.", max_length=20)
 ]
@@ -116,10 +115,11 @@ class Tools:
         _one_of(tree=tree, plan=plan)
         _of_a_tree(tree, parameters)
         text = str(plan if tree is None else tree)
-        named = text if tree in paths.names("trees") else "-"
+        named = text if tree is not None and _is_name(tree) else "-"
         if named == "-":
             with contextlib.suppress(FileProblems):  # told below
                 _refuse_code(text)
+                _refuse_kind("plan" if tree is None else "tree", text)
         problems = check_files([named], None if task is None else _known(task), text).problems
         if parameters is not None and not any(problem.severity == "error" for problem in problems):
             try:
@@ -187,7 +187,7 @@ class Tools:
         if tree is not None and (unbound := (spec := _spec(tree, parameters)).unbound):
             wanted = ", ".join(f"{name} ({spec.parameters[name].type})" for name in unbound)
             raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
-        if tree is not None and tree in paths.names("trees"):
+        if tree is not None and _is_name(tree):
             words, tree = [*words, "--tree", tree], None
         run = self._runs.start(words, f"{task or 'a tree'}{', dry' if dry else ''}", dry, tree)
         return Started(run=run.id, dry=dry, trace=f"mpvi://runs/{run.id}/trace")
@@ -276,7 +276,7 @@ def _spec(tree: str, parameters: Mapping[str, Value] | None) -> TreeSpec:
     from mpvi_bt.plan.skills import load_skills
     from mpvi_bt.tree.yaml_io import load_tree, parse_tree
 
-    if tree in paths.names("trees"):
+    if _is_name(tree):
         return load_tree(paths.find("trees", tree), load_skills(), parameters)
     _refuse_code(tree)
     return parse_tree(tree, "tree", load_skills(), parameters)
@@ -286,6 +286,26 @@ def _known(task: str) -> str:
     """The name of a task on file: paths are not for clients. Raises UnknownName."""
     paths.find("tasks", task)
     return task
+
+
+def _is_name(tree: str) -> bool:
+    """Whether it is the name of a tree on file, and not its text. Raises UnknownName: a word that names none."""
+    known = paths.names("trees")
+    if tree not in known and re.fullmatch(r"[\w.-]*", tree):
+        raise UnknownName("tree", tree, known)
+    return tree in known
+
+
+def _refuse_kind(argument: str, text: str) -> None:
+    """Raise UserError if a text is of another kind than its argument; FileProblems if it is no YAML."""
+    from mpvi_bt.file_kinds import expect
+    from mpvi_bt.marked_yaml import parse_marked
+
+    data, marks = parse_marked(text, argument)
+    try:
+        expect(argument, data, marks)
+    except FileProblems as error:
+        raise UserError(f"{argument}: {error.problems[0].message}") from None
 
 
 def _refuse_code(text: str) -> None:
