@@ -102,6 +102,7 @@ class OpenAIModel:
         turns = [_spoken(message) for message in messages]
         taken = taken_by(self._endpoint.url, self._model)
         shape: int | None = taken.shape
+        unexplained: ModelError | None = None  # why other roles were tried: where they fail as well, they were not it
         while shape is not None:
             sent = shape
             said, tries = self._in_some_form(SHAPES[sent](turns), schema)
@@ -110,8 +111,10 @@ class OpenAIModel:
                 silent = not taken.known and says_nothing(str(said))
                 taken.known = taken.known or (silent and shape is None)
                 shape = shape if silent else None
+                unexplained = unexplained or (said if silent else None)
         latency_s = time.monotonic() - began
         if isinstance(said, ModelError):
+            said = unexplained or said
             if any(message.png for message in messages) and self._is_blind(said):
                 said = ModelError("no_pictures", f"{self.name} sees no pictures: {said}", tokens=said.tokens)
             said.latency_s = latency_s
