@@ -184,7 +184,7 @@ def test_a_node_that_is_written_runs(root: Path, mpvi: Shell) -> None:
 def test_a_navigator_that_is_written_drives(root: Path, mpvi: Shell) -> None:
     """By the command in its first lines, which plays an episode."""
     mpvi("new", "navigator", "my_navigator", cwd=root)
-    (command,) = [line for line in (root / "my_navigator.py").read_text().splitlines() if line.startswith("    mpvi ")]
+    (command,) = [line for line in (root / "my_navigator.py").read_text().splitlines() if line.startswith("mpvi ")]
     done = mpvi(*command.split()[1:], cwd=root, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "my_navigator:MyNavigator" in next((root / "runs").glob("*_0.json")).read_text()
