@@ -10,6 +10,8 @@ Everything here loads when it is first used, so that importing costs nothing (do
 
 from typing import TYPE_CHECKING, Any
 
+from mpvi_bt.version import __version__ as __version__
+
 if TYPE_CHECKING:  # for type checkers and editors; `__getattr__` loads the same
     from mpvi_bt.api import check, compile_plan, load_plan, load_task, load_tree, run, run_dry, run_suite
     from mpvi_bt.choices.config import EpisodeConfig
@@ -18,8 +20,6 @@ if TYPE_CHECKING:  # for type checkers and editors; `__getattr__` loads the same
     from mpvi_bt.instances.tasks import Task
     from mpvi_bt.plan.schema import Plan
     from mpvi_bt.tree.spec import TreeSpec
-
-__version__ = "0.1.0"
 
 __all__ = [
     "BackendError",

@@ -12,7 +12,7 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.metrics import Measurement
 from mpvi_bt.episode.result import FailureRecord, make_result
 from mpvi_bt.errors import UserError
-from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
+from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
 from mpvi_bt.instances.tasks import Task
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.writing import write_whole

@@ -17,7 +17,7 @@ BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
 # What stands on what, from the ground up. A room (or single module) imports itself and those of earlier lines; those of
 # one line do not know each other.
 ORDER = (
-    ("errors",),
+    ("errors", "version"),
     ("yaml_reader", "compiled", "import_paths", "standard_streams"),
     ("file_kinds",),
     ("robot", "paths", "marked_yaml", "writing", "proxies"),

@@ -18,9 +18,9 @@ from mpvi_bt.disturbances.late_policy import LatePolicy
 from mpvi_bt.drawing.cells import columns
 from mpvi_bt.episode.queries import with_truth
 from mpvi_bt.episode.result import kept_handoff, read_result, write_result
+from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 from mpvi_bt.monitors.causes import likely_cause
 from mpvi_bt.monitors.handoff import HandFigures, Handoff
 from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines

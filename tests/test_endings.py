@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.drawing.endings import ENDED, ended
+from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 from mpvi_bt.recording.path_picture import PathPicture, path_picture
 from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.robot.r1 import R1

@@ -174,7 +174,7 @@ def test_where_pictures_go_is_no_part_of_the_config() -> None:
 
 def test_a_robot_that_stood_still_has_no_ratio() -> None:
     """Infinity is no JSON: null."""
-    from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
+    from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
 
     zero: dict[Side, float] = {"left": 0.0, "right": 0.0}
     goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=(GoalCondition("done", False),))

@@ -13,8 +13,8 @@ import pytest
 
 from mpvi_bt.drawing.text import Line, tree_lines
 from mpvi_bt.errors import UserError
+from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.goals.evaluate import GoalCondition, GoalReport
 from mpvi_bt.goals.spoken import spoken, spoken_each, spoken_texts
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills

@@ -17,10 +17,11 @@ from mpvi_bt.rules.fire import BURNS_C, ignited, spread
 from mpvi_bt.rules.grains import contains, filled
 from mpvi_bt.rules.heat import ROOM_C, Heat, Source, Thermal, cooked, frozen, heated, settles_at, warmed
 from mpvi_bt.rules.marks import CAPACITY, Marks, Remover, covered, wiped
-from mpvi_bt.rules.mounts import Mount, breaks, fits
+from mpvi_bt.rules.mounts import breaks, fits
 from mpvi_bt.rules.recipes import Recipe, baked
 from mpvi_bt.rules.sprayer import EVERY_STEPS, MARKS_AT_ONCE, Sprayer, sprayed
 from mpvi_bt.rules.washer import begins, washed
+from mpvi_bt.scene.mount_pose import Mount
 
 FOLDER = Path(__file__).parent / "fixtures" / "rules"
 DT_S = 1 / 30

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.goals.predicates import beside as in_line
+from mpvi_bt.goals.next_to import beside as in_line
 from mpvi_bt.goals.predicates import nextto, under
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills import place, spots

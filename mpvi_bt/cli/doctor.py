@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from mpvi_bt import __version__, paths
+from mpvi_bt import paths
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.colors import wants_color
 from mpvi_bt.drawing.terminal import draw, results, tell
@@ -23,6 +23,7 @@ from mpvi_bt.errors import MpviError, UserError
 from mpvi_bt.extras import install
 from mpvi_bt.language.endpoint import BASE_URL, EXPOSED, base_url
 from mpvi_bt.proxies import is_this_machine
+from mpvi_bt.version import __version__
 
 PROBE_LIMIT_S = 120.0  # with stock shaders the first picture takes half a minute on a busy machine
 APT_LIBRARIES = "libx11-6 libgl1 libglib2.0-0 libvulkan1"

@@ -13,11 +13,11 @@ from typing import Any
 
 import click
 
-from mpvi_bt import __version__
 from mpvi_bt.cli import COMMANDS, INTERRUPTED, NOBODY_READS, help_text
 from mpvi_bt.cli.examples import with_examples
 from mpvi_bt.drawing.terminal import guarded, results_alone, tell
 from mpvi_bt.errors import FileProblems, MpviError, NodeError, UnknownName, UserError
+from mpvi_bt.version import __version__
 from mpvi_bt.writing import unwritable
 
 

@@ -18,7 +18,7 @@ from mpvi_bt.robot.kinematics import inverse
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 ROBOT = "robot"
@@ -86,17 +86,17 @@ class VisualChecker:
     needs_image = True
 
     def __init__(
-        self, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight | None = None, robot: RobotModel = R1
+        self, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight | None = None, robot: RobotModel | None = None
     ) -> None:
         """Take the vocabulary.
 
         Args:
             phrases: Label of each thing to what people call it.
             eyesight: What counts as seen.
-            robot: Whose cameras took the pictures.
+            robot: Whose cameras took the pictures; None: an r1.
         """
         self._phrases = {name: tuple(called) for name, called in phrases.items()}
-        self._eyesight, self._robot = eyesight or Eyesight(), robot
+        self._eyesight, self._robot = eyesight or Eyesight(), robot or robot_named("r1")
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """Whether the picture shows that `criterion` is met."""

@@ -23,10 +23,11 @@ from mpvi_bt.episode.prepare import Prepared, prepare_episode
 from mpvi_bt.episode.queries import count_queries, with_truth
 from mpvi_bt.episode.result import FailureRecord, Grasps, Planning, PolicyShare, ReplanRecord, make_result
 from mpvi_bt.episode.saved_episode import Keeper, SavedEpisode
+from mpvi_bt.executive.goal_report import GoalReport
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.saved_run import restore_world
 from mpvi_bt.executive.stop import Stop
-from mpvi_bt.goals.evaluate import GoalReport, judge, snapshot
+from mpvi_bt.goals.evaluate import judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.house.house import load_house
 from mpvi_bt.house.prior_map import prior_map

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue, model_validator
 
-from mpvi_bt import __version__, paths
+from mpvi_bt import paths
 from mpvi_bt.behaviors.context import WatchedHandoff
 from mpvi_bt.choices.backends import privileged
 from mpvi_bt.choices.config import EpisodeConfig
@@ -24,13 +24,14 @@ from mpvi_bt.episode.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.episode.queries import Queries
 from mpvi_bt.episode.result_html import result_html, result_line
 from mpvi_bt.episode.way import Way
-from mpvi_bt.goals.evaluate import GoalReport, conditions_met
+from mpvi_bt.executive.goal_report import GoalReport, conditions_met
 from mpvi_bt.instances.human import human_stats
 from mpvi_bt.instances.tasks import Task
 from mpvi_bt.marked_yaml import Amount, Count, Record, Share
 from mpvi_bt.monitors.causes import likely_cause
 from mpvi_bt.monitors.handoff import Handoff
 from mpvi_bt.plan.planners import Planned
+from mpvi_bt.version import __version__
 from mpvi_bt.writing import unwritable, write_whole
 
 _IF_ANY = Field(exclude_if=lambda value: value is None)  # a key that most results would have as null

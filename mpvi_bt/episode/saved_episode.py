@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import JsonValue, model_validator
 
-from mpvi_bt import __version__
 from mpvi_bt.choices.config import ALWAYS, RECORDED, SETTINGS, EpisodeConfig
 from mpvi_bt.choices.settings import settings_record
 from mpvi_bt.episode.metrics import Measurement, Meter
@@ -22,6 +21,7 @@ from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import expanded, from_expanded
+from mpvi_bt.version import __version__
 
 if TYPE_CHECKING:
     from mpvi_bt.choices.world_truth import Audit

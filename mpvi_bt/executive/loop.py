@@ -14,7 +14,7 @@ from mpvi_bt.behaviors.manipulate import GAVE_UP
 from mpvi_bt.compiled import compiling
 from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import BackendError, ModelError, NodeError, PolicyError
-from mpvi_bt.goals.evaluate import GoalReport
+from mpvi_bt.executive.goal_report import GoalReport
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree

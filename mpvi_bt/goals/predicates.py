@@ -5,23 +5,21 @@ Distances are in metres, in the world frame, z up. Rays see through things ("all
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.formula import OF_SUBSTANCE, Literal, Truth
+from mpvi_bt.goals.next_to import NEXT_TO_GAP, RAY_M, beside
 from mpvi_bt.goals.rays import crosses, interval, within
 from mpvi_bt.goals.world_state import WorldState, aabb
 from mpvi_bt.robot.linear_algebra import norm
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.rules import grains as rule
 from mpvi_bt.rules import heat
 
-RAY_M = 5.0
 OPEN_FRACTION = 0.05  # of a joint's range
-NEXT_TO_GAP = 1 / 6  # of the two sizes' sum, averaged over the axes
-NEXT_TO_PLANES = 5  # horizontal coordinate frames, turned from 0 to 90 degrees
 
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 
@@ -202,13 +200,3 @@ def _meets(state: WorldState, a: str, b: str, direction: Array) -> bool:
     spans = [span for solid in state.solids(a) if (span := interval(solid, middle, direction)) is not None]
     outermost = max((span[1] for span in spans), default=0.0)  # where it misses a itself, as in a ring: the middle
     return crosses(state.solids(b), middle + outermost * direction, direction, RAY_M)
-
-
-def beside(middle: Array, solids: Sequence[Solid]) -> bool:
-    """Whether a horizontal ray from a thing's middle (3,) meets the solids of another one."""
-    for turn in np.linspace(0.0, np.pi / 2, NEXT_TO_PLANES):
-        c, s = np.cos(turn), np.sin(turn)
-        for x, y in ((c, s), (-c, -s), (-s, c), (s, -c)):
-            if crosses(solids, middle, np.array([x, y, 0.0]), RAY_M):
-                return True
-    return False

@@ -24,7 +24,8 @@ from mani_skill.utils.registration import register_env
 from mani_skill.utils.structs.types import SimConfig
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.goals.evaluate import GoalReport, Snapshot, judge, snapshot
+from mpvi_bt.executive.goal_report import GoalReport
+from mpvi_bt.goals.evaluate import Snapshot, judge, snapshot
 from mpvi_bt.goals.formula import Truth
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.house.house import House, load_house

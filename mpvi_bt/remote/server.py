@@ -21,11 +21,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
-from mpvi_bt import __version__
 from mpvi_bt.remote.codec import MAX_BYTES, pack
 from mpvi_bt.remote.connection import one_line
 from mpvi_bt.remote.server_metrics import Metrics
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
+from mpvi_bt.version import __version__
 
 MOST_CLIENTS = 64  # each has a policy and a thread
 INTERNAL_ERROR = 1011  # what openpi closes with after an error

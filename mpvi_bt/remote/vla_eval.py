@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt import __version__
 from mpvi_bt.action_rows import command_of
 from mpvi_bt.errors import BadMessage, PolicyError, shown
 from mpvi_bt.remote.codec import array_of, pack
@@ -23,6 +22,7 @@ from mpvi_bt.remote.openpi import OpenpiPolicy, cameras_of, question
 from mpvi_bt.remote.wire_mapping import actions_of
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.version import __version__
 
 VERSION = 1  # of the protocol
 DEFAULT = "vla_eval"  # settings

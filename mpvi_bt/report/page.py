@@ -10,7 +10,7 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 
-from mpvi_bt import __version__, paths
+from mpvi_bt import paths
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.symbols import state_style
 from mpvi_bt.errors import MpviError
@@ -25,6 +25,7 @@ from mpvi_bt.report.plot_svg import plot_style
 from mpvi_bt.report.plots import NARROW, improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.tables import Table
+from mpvi_bt.version import __version__
 
 
 def report_page(

@@ -18,11 +18,10 @@ from mpvi_bt.robot.arms import SphericalArm
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import SIDES, ActionLayout, Proprioception
-from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_GAZE_RAD = math.asin(-float(R1PRO.head_to_camera[2, 2]))  # of its fixed head, below where the chest faces
+_R1PRO = "r1pro"
 _STEP_S = 1e-4  # of differences that stand for a velocity
 _SINGULAR = 1e-6  # sine of a bend at which the turns before and after it are one
 
@@ -38,14 +37,14 @@ def check_like_r1pro(robot: RobotModel) -> None:
 
 def as_r1pro(body: Proprioception) -> Proprioception:
     """The nearest that an R1Pro can feel. Raises as `check_like_r1pro`."""
-    if body.robot == R1PRO.name:
+    if body.robot == _R1PRO:
         return body
-    robot = robot_named(body.robot)
+    robot, r1pro = robot_named(body.robot), robot_named(_R1PRO)
     check_like_r1pro(robot)
     arm = {side: _wrist_of_r1pro(robot, body.arm[side]) for side in SIDES}
     after = {side: _wrist_of_r1pro(robot, body.arm[side] + _STEP_S * body.arm_velocity[side]) for side in SIDES}
     trunk, trunk_after = (
-        R1PRO.trunk.joints(robot.trunk.posture(torso))
+        r1pro.trunk.joints(robot.trunk.posture(torso))
         for torso in (body.torso, body.torso + _STEP_S * body.torso_velocity)
     )
     return replace(
@@ -55,7 +54,7 @@ def as_r1pro(body: Proprioception) -> Proprioception:
         arm=arm,
         arm_velocity={side: kin.wrap(after[side] - arm[side]) / _STEP_S for side in SIDES},
         arm_command={side: _wrist_of_r1pro(robot, q) for side, q in body.arm_command.items()},
-        robot=R1PRO.name,
+        robot=_R1PRO,
     )
 
 
@@ -66,25 +65,25 @@ def from_r1pro(actions: Array, body: Proprioception) -> Array:
         actions: (H, 23) in our units, joints of an R1Pro.
         body: What the robot feels: of two ways to turn a hand the one that is nearer to the step before is taken.
     """
-    if body.robot == R1PRO.name:
+    if body.robot == _R1PRO:
         return actions
-    robot = robot_named(body.robot)
+    robot, r1pro = robot_named(body.robot), robot_named(_R1PRO)
     check_like_r1pro(robot)
     out = actions.copy()
-    posture = R1PRO.trunk.posture(actions[:, ActionLayout.TORSO])
-    posture[:, 3] = _GAZE_RAD  # a head that can tilt looks as R1Pro's does, which cannot
+    posture = r1pro.trunk.posture(actions[:, ActionLayout.TORSO])
+    posture[:, 3] = math.asin(-float(r1pro.head_to_camera[2, 2]))  # an R1Pro cannot tilt its head
     out[:, ActionLayout.TORSO] = robot.trunk.joints(posture)
     for side in SIDES:
         near = np.array(body.arm[side], float)
         for row in out[:, ActionLayout.ARM[side]]:
-            row[4:] = near[4:] = _wrist(_turn(R1PRO, row), robot, near)
+            row[4:] = near[4:] = _wrist(_turn(r1pro, row), robot, near)
     return out
 
 
 def _wrist_of_r1pro(robot: RobotModel, q: Array) -> Array:
     """(7,) the arm's posture with R1Pro's last three joints."""
     q = np.asarray(q, float)
-    return np.concatenate([q[:4], _wrist(_turn(robot, q), R1PRO, q)])
+    return np.concatenate([q[:4], _wrist(_turn(robot, q), robot_named(_R1PRO), q)])
 
 
 def _last(robot: RobotModel) -> str:

@@ -1,16 +1,40 @@
-"""The robots that there are, by name."""
+"""The robots that there are, by name: each is loaded from its home when it is first asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import importlib
+from collections.abc import Iterator, Mapping
 
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot.fetch import FETCH
 from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
 
-ROBOTS: Mapping[str, RobotModel] = {robot.name: robot for robot in (R1, FETCH, R1PRO)}
+_HOMES = {"r1": "mpvi_bt.robot.r1:R1", "fetch": "mpvi_bt.robot.fetch:FETCH", "r1pro": "mpvi_bt.robot.r1pro:R1PRO"}
+
+
+class Robots(Mapping[str, RobotModel]):
+    """Robots by name."""
+
+    def __init__(self, homes: Mapping[str, str]) -> None:
+        """Take `homes`: the "module:attribute" of each robot."""
+        self._homes, self._loaded = homes, dict[str, RobotModel]()
+
+    def __getitem__(self, name: str) -> RobotModel:
+        if name not in self._loaded:
+            module, attribute = self._homes[name].split(":")
+            self._loaded[name] = getattr(importlib.import_module(module), attribute)
+        return self._loaded[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._homes
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._homes)
+
+    def __len__(self) -> int:
+        return len(self._homes)
+
+
+ROBOTS = Robots(_HOMES)
 
 
 def robot_named(name: str) -> RobotModel:

@@ -6,7 +6,6 @@ Source: OmniGibson, object_states/attached_to.py.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from mpvi_bt.marked_yaml import Coordinate, Record
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.mount_pose import Mount
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 _AXES: Mapping[Axis, Array] = {
@@ -49,23 +49,6 @@ class Fitting(Record):
         T[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
         T[:3, 3] = self.at
         return matmul(T_world_thing, T)
-
-
-@dataclass(frozen=True, eq=False)
-class Mount:
-    """A place of a thing that fits one of another.
-
-    Attributes:
-        kind: Of the pair, such as "wall_nail".
-        male: The male one is the child's, the female one the parent's.
-        pose: (4, 4) in the world.
-        free: Whether nothing is mounted there.
-    """
-
-    kind: str
-    male: bool
-    pose: Array
-    free: bool = True
 
 
 def fits(child: Mount, parent: Mount, contact: bool) -> bool:

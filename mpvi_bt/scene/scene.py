@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mpvi_bt.robot.collision import Obstacles
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.mount_pose import Mount
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
 

@@ -17,7 +17,6 @@ from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene import field
 from mpvi_bt.scene.contents import contents
 from mpvi_bt.scene.faces import room
@@ -25,6 +24,7 @@ from mpvi_bt.scene.field import Field, FineField
 from mpvi_bt.scene.frames import FLOOR_M, Frame
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
 from mpvi_bt.scene.memory import Memory
+from mpvi_bt.scene.mount_pose import Mount
 from mpvi_bt.scene.several_views import View
 from mpvi_bt.scene.thing import SeenThing
 from mpvi_bt.shapes.box_lids import lid

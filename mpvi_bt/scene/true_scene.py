@@ -15,8 +15,8 @@ from mpvi_bt.robot.collision import Surroundings, carries
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.mount_pose import Mount
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
 

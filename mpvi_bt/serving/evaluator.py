@@ -19,7 +19,8 @@ from mpvi_bt.episode.assembly import floors
 from mpvi_bt.episode.metrics import Meter, ratio
 from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import PolicyError, UserError, shown
-from mpvi_bt.goals.evaluate import GoalReport, judge, snapshot
+from mpvi_bt.executive.goal_report import GoalReport
+from mpvi_bt.goals.evaluate import judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.human import Human, human_stats

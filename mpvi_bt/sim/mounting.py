@@ -14,7 +14,8 @@ from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.rules.mounts import NEAR_M, Fitting, Mount, breaks, fits
+from mpvi_bt.rules.mounts import NEAR_M, Fitting, breaks, fits
+from mpvi_bt.scene.mount_pose import Mount
 from mpvi_bt.sim.builder import Thing
 
 # Our choice: a joint that tells how hard it is pulled, so it is a spring. 5 kN stretch it by 2.5 cm.

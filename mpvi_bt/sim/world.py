@@ -19,8 +19,8 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules.heat import Heat, Thermal
-from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.mount_pose import Mount
 from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.baking import Baking

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, JsonValue, ValidationError, model_validator
 
-from mpvi_bt import __version__, paths
+from mpvi_bt import paths
 from mpvi_bt.choices.config import SETTINGS, EpisodeConfig
 from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import UserError, shown
@@ -22,6 +22,7 @@ from mpvi_bt.instances.tasks import Task, load_task
 from mpvi_bt.marked_yaml import Record, load_marked
 from mpvi_bt.remote.dialect_settings import load_settings
 from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
+from mpvi_bt.version import __version__
 
 FILE = "manifest.json"
 _MOST = 4  # differences that a message shows

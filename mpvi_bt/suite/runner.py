@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from mpvi_bt import __version__
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import BackendError, UserError
@@ -23,6 +22,7 @@ from mpvi_bt.suite.at_work import AtWork, note
 from mpvi_bt.suite.manifest import Manifest
 from mpvi_bt.suite.store import Fault, Store
 from mpvi_bt.suite.worker import Played
+from mpvi_bt.version import __version__
 
 ATTEMPTS = 2
 _POLL_S = 0.2

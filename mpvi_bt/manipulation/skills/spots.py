@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.goals.predicates import NEXT_TO_GAP
-from mpvi_bt.goals.predicates import beside as in_line
+from mpvi_bt.goals.next_to import NEXT_TO_GAP
+from mpvi_bt.goals.next_to import beside as in_line
 from mpvi_bt.manipulation.motion.work import EASY_M, NEAR_M, Work
 from mpvi_bt.manipulation.skills.placing import LIES_RAD, TURNS, Pose, leaning, poses
 from mpvi_bt.robot import kinematics as kin

@@ -1,0 +1,3 @@
+"""The version of mpvi_bt."""
+
+__version__ = "0.1.0"
