@@ -17,11 +17,11 @@ from pydantic import ValidationError
 from benchmarks.origin import Run
 from benchmarks.played import Episode, Played
 from benchmarks.tables import RESULTS, ROOT, load
-from mpvi_bt.episode.result import read_result
-from mpvi_bt.errors import UserError
-from mpvi_bt.report.failures import reason
-from mpvi_bt.suite.manifest import Manifest, read_manifest
-from mpvi_bt.suite.suites import load_suite
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.episode.result import read_result
+from mpvi_bt.runs.report.failures import reason
+from mpvi_bt.runs.suite.manifest import Manifest, read_manifest
+from mpvi_bt.runs.suite.suites import load_suite
 
 
 def episodes_of(folder: Path, manifest: Manifest, run: int) -> Iterator[Episode]:

@@ -28,9 +28,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 from benchmarks.serving import THEIRS
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.serving.served import ServedWork, executive_server
+from mpvi_bt.executive.remote.codec import pack, unpack
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.serving.served import ServedWork, executive_server
 from tests.driven import GRIP, observation_2026
 from tests.openpi_env import openpi_python
 

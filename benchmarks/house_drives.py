@@ -14,16 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpvi_bt.house.house import load_house
-from mpvi_bt.house.prior_map import knowledge, prior_map
-from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
-from mpvi_bt.protocols import Progress
-from mpvi_bt.robot.mobile_base import placed
-from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception
-from mpvi_bt.robot.robots import ROBOTS, robot_named
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
+from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
+from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator, Trip
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Progress
+from mpvi_bt.ground.robot.mobile_base import placed
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.prior_map import knowledge, prior_map
 from mpvi_bt.testing.doubles import KinematicRobot
 
 _MOST_S = 200.0  # of one drive

@@ -18,15 +18,15 @@ from collections.abc import Callable, Mapping
 import gymnasium
 import numpy as np
 
-from mpvi_bt.house.house import load_house
-from mpvi_bt.instances.instances import begin, expanded_problem
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.maniskill.env import MpviHouseEnv
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import World
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.house.instances.instances import begin, expanded_problem
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.maniskill.env import MpviHouseEnv
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 TASK, INSTANCE = "picking_up_trash", 0
 Step = Callable[[Array], object]

@@ -31,10 +31,10 @@ def resident_mb(pid: int) -> float:
 
 def served(clients: int) -> Iterator[float]:
     """Resident memory of a server [MB] after each of twenty parts of the clients."""
-    from mpvi_bt.remote.openpi import OpenpiPolicy
+    from mpvi_bt.executive.remote.openpi import OpenpiPolicy
     from tests.serving import observation
 
-    command = [sys.executable, "-m", "mpvi_bt.cli", "serve", "reactive", "--port", "0", "--json"]
+    command = [sys.executable, "-m", "mpvi_bt.apps.cli", "serve", "reactive", "--port", "0", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
         address = json.loads(process.stdout.readline())["address"]

@@ -19,15 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1, timing
-from mpvi_bt.robot.arm_motion import plan
-from mpvi_bt.robot.arms import posture_distance
-from mpvi_bt.robot.collision import Body, Surroundings
-from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, Solid, box
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.robot import timing
+from mpvi_bt.ground.robot.arm_motion import plan
+from mpvi_bt.ground.robot.arms import posture_distance
+from mpvi_bt.ground.robot.collision import Body, Surroundings
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 
 LIMIT_S, MARGIN_M, CHECK_RAD = 2.0, 0.005, 0.07
 Path = list[Array]

@@ -19,18 +19,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.language_models import Models
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.errors import ModelError
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.language.chat import Answer, ChatModel, Message, Schema
-from mpvi_bt.plan.answer_form import answer_schema
-from mpvi_bt.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.planning_context import PlanningContext
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.language.chat import Answer, ChatModel, Message, Schema
+from mpvi_bt.executive.plan.answer_form import answer_schema
+from mpvi_bt.executive.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.planning_context import PlanningContext
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.language_models import Models
+from mpvi_bt.runs.choices.planning import ground
 
 _HOUSE = "family_house"  # of instructions whose task is not here
 

@@ -20,12 +20,12 @@ import numpy as np
 from pydantic import Field, JsonValue, model_validator
 
 from benchmarks.origin import Data, Results, grid
-from mpvi_bt.errors import UserError
-from mpvi_bt.report.compare import SAME_Q
-from mpvi_bt.report.paper import paper_mean, paper_scores
-from mpvi_bt.report.plot_svg import Drawing
-from mpvi_bt.report.statistics import Estimate, estimate, permutation_test
-from mpvi_bt.suite.suites import load_suite
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.report.compare import SAME_Q
+from mpvi_bt.runs.report.paper import paper_mean, paper_scores
+from mpvi_bt.runs.report.plot_svg import Drawing
+from mpvi_bt.runs.report.statistics import Estimate, estimate, permutation_test
+from mpvi_bt.runs.suite.suites import load_suite
 
 NAMED = 6  # reasons that a table names for each task,
 FREQUENT = 12  # and for each method, at the most
@@ -44,7 +44,7 @@ class Episode(Data):
         time_s: Simulated.
         reasons: Why units were given up, in their order, such as "pick: no_grasp".
         steps: Of control that each of several policies had.
-        answers: Of the completion checker, counted as `mpvi_bt.episode.queries.Queries` names them; {}: not kept.
+        answers: Of the completion checker, counted as `mpvi_bt.runs.episode.queries.Queries` names them; {}: not kept.
         run: Place of the run that played it in the file's runs.
     """
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
-from mpvi_bt.suite.worker import THREAD_LIMITS, prepare
+from mpvi_bt.runs.suite.worker import THREAD_LIMITS, prepare
 
 JobT = TypeVar("JobT")
 RowT = TypeVar("RowT")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.ground.errors import UserError
 
 
 def lines_of(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:

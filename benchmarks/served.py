@@ -16,12 +16,12 @@ import click
 import numpy as np
 
 from benchmarks.origin import grid
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.episode import run
-from mpvi_bt.episode.result import Result
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.serving.evaluator import Evaluation, evaluate
-from mpvi_bt.serving.served import DIALECTS, ServedWork, executive_server
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.serving.evaluator import Evaluation, evaluate
+from mpvi_bt.runs.serving.served import DIALECTS, ServedWork, executive_server
 from tests.driven import Acts, Ear
 from tests.serving import running
 

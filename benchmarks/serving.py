@@ -31,14 +31,14 @@ import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from mpvi_bt.protocols import Policy
-from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.remote.observation import Vocabulary, write_observation
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.policy_server import PolicyServer
-from mpvi_bt.remote.wire_mapping import message_of
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.remote.codec import pack, unpack
+from mpvi_bt.executive.remote.dialect_settings import load_settings
+from mpvi_bt.executive.remote.observation import Vocabulary, write_observation
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.executive.remote.policy_server import PolicyServer
+from mpvi_bt.executive.remote.wire_mapping import message_of
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Policy
 from tests.openpi_env import openpi_python
 from tests.serving import observation
 

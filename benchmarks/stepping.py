@@ -20,16 +20,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.searches.play import Job, play
-from mpvi_bt.house.house import load_house
-from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.instances.instances import begin, expanded_problem
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.protocols import Progress
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.world import Placement, World
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.protocols import Progress
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.house.instances.instances import begin, expanded_problem
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.prior_map import prior_map
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
 DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")

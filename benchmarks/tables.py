@@ -25,8 +25,8 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from benchmarks.origin import Data, Results, grid
 from benchmarks.played import Played
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.report.statistics import estimate
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.runs.report.statistics import estimate
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "benchmarks" / "results"

@@ -22,12 +22,12 @@ import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.common import ComparisonExpression, Status
 
-from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.behaviors.registry import node_type
-from mpvi_bt.recording.recorder import Recorder
+from mpvi_bt.executive.behaviors.parameters import Value
+from mpvi_bt.executive.behaviors.registry import node_type
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 
 ROUNDS, TICKS = 40, 20
 VALUES: dict[str, Value] = {"cups": 1, "door": "open", "bell": False}

@@ -23,11 +23,11 @@ from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
 from benchmarks.ticking import ours, ratio, reactive
-from mpvi_bt.recording.recorder import Recorder
+from mpvi_bt.apps.watch.address import Address
+from mpvi_bt.apps.watch.channel import Page
+from mpvi_bt.apps.watch.pictures import LivePictures
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld
-from mpvi_bt.watch.address import Address
-from mpvi_bt.watch.channel import Page
-from mpvi_bt.watch.pictures import LivePictures
 
 ROUNDS, TICKS, RINGS = 150, 60, 30  # a round is a quarter of a second or more, longer than between two events
 

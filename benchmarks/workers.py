@@ -22,15 +22,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.methods import load_method
-from mpvi_bt.episode.result import Result
-from mpvi_bt.report.figures import wall_shares
-from mpvi_bt.suite.processes import ProcessEngine
-from mpvi_bt.suite.progress import SuiteProgress
-from mpvi_bt.suite.runner import run_suite
-from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
-from mpvi_bt.suite.store import Store
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.methods import load_method
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.report.figures import wall_shares
+from mpvi_bt.runs.suite.processes import ProcessEngine
+from mpvi_bt.runs.suite.progress import SuiteProgress
+from mpvi_bt.runs.suite.runner import run_suite
+from mpvi_bt.runs.suite.schedule import Pace, budgets_s, in_rounds
+from mpvi_bt.runs.suite.store import Store
 
 _SAMPLE_S = 0.5
 

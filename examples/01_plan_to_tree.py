@@ -3,11 +3,11 @@
 Consecutive manipulation segments become one unit, with the criterion of the last.
 """
 
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
 
 plan = Plan(
     task_name="clearing_a_cup",

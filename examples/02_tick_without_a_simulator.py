@@ -6,14 +6,14 @@ goes on until its time is up, is recorded as failed, and the tree advances: a pl
 
 import sys
 
-from mpvi_bt import paths
-from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.plan.schema import load_plan
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.plan.schema import load_plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.live import LiveTree
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground import paths
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
 
 skills = load_skills()
 tree = Tree(compile_plan(load_plan(paths.find("tasks/plans", "picking_up_trash")), skills))

@@ -1,7 +1,7 @@
 """One whole episode from Python: the house, the robot, the tree, the score."""
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.episode import run
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
 
 result = run(EpisodeConfig(task="picking_up_trash", instance=0, seed=0))
 

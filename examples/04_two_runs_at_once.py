@@ -1,8 +1,8 @@
 """Two runs of one tree in one process, tick by tick in turn. They share nothing: each has its clock and blackboard."""
 
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context, dry_tree
+from mpvi_bt.executive.tree.yaml_io import parse_tree
 
 TREE = """
 tree: count

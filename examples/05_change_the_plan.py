@@ -2,11 +2,11 @@
 
 import json
 
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree
-from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
-from mpvi_bt.tree.saving import restore
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context, dry_tree
+from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.executive.tree.saving import restore
+from mpvi_bt.executive.tree.yaml_io import parse_tree
 
 TREE = """
 tree: errands

@@ -5,7 +5,7 @@ Needs `pip install -e '.[maniskill]'` in the clone.
 
 import gymnasium
 
-from mpvi_bt.maniskill import MpviHouseEnv  # registers MpviHouse-v1
+from mpvi_bt.house.maniskill import MpviHouseEnv  # registers MpviHouse-v1
 
 env = gymnasium.make(
     "MpviHouse-v1",

@@ -11,9 +11,9 @@ import gymnasium
 import h5py
 from mani_skill.utils.wrappers.record import RecordEpisode
 
-import mpvi_bt.maniskill  # noqa: F401  # registers MpviHouse-v1
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.episode import run
+import mpvi_bt.house.maniskill  # noqa: F401  # registers MpviHouse-v1
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
 
 TASK = "picking_up_trash"
 env = RecordEpisode(

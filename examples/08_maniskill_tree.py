@@ -1,13 +1,13 @@
 """The very same tree drives the robot in the core's scene and in ManiSkill's.
 
 Needs `pip install -e '.[maniskill]'` in the clone, as `mpvi run picking_up_trash --sim maniskill` does, which does the
-same: it loads mpvi_bt.maniskill, whose environment then takes every step.
+same: it loads mpvi_bt.house.maniskill, whose environment then takes every step.
 """
 
 from dataclasses import replace
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.episode import run
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
 
 config = EpisodeConfig("picking_up_trash", instance=1, policy="expert", detector="oracle", checker="oracle")
 for sim in ("sapien", "maniskill"):

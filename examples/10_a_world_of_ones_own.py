@@ -14,9 +14,9 @@ import msgpack
 import numpy as np
 from websockets.sync.client import connect
 
-from mpvi_bt.robot.kinematics import base
-from mpvi_bt.robot.r1 import R1  # for where its camera is; a driver of another robot knows that of its own
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry.kinematics import base
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.hands.robots.r1 import R1  # for where its camera is; a driver of another robot knows that of its own
 
 BOX, ROOM = np.array([[1.8, -1.4, 0.0], [2.2, -1.0, 0.8]]), np.array([[-3.0, -2.0, 0.0], [3.0, 2.0, 2.5]])
 K = np.array([[117.0, 0, 80], [0, 117, 60], [0, 0, 1]])
@@ -63,7 +63,7 @@ def observation(pose: Array, action: Array, cameras: Iterable[str]) -> dict[str,
 
 
 command = "serve mpvi --protocol openpi --robot r1 --port 0 --json --tree go_to --param place=box"
-words = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *command.split()]
+words = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", *command.split()]
 with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as server:
     assert server.stdout is not None
     with connect(json.loads(server.stdout.readline())["address"], compression=None, max_size=None) as socket:

@@ -2,6 +2,6 @@
 
 from vla_eval.model_servers.serve import run_server
 
-from mpvi_bt.serving.vla_eval_server import MpviModelServer
+from mpvi_bt.runs.serving.vla_eval_server import MpviModelServer
 
 run_server(MpviModelServer)

@@ -8,18 +8,20 @@
 Everything here loads when it is first used, so that importing costs nothing (docs/python.md).
 """
 
+import sys
 from typing import TYPE_CHECKING, Any
 
-from mpvi_bt.version import __version__ as __version__
+from mpvi_bt.ground.moved import OldNames
+from mpvi_bt.ground.version import __version__ as __version__
 
 if TYPE_CHECKING:  # for type checkers and editors; `__getattr__` loads the same
-    from mpvi_bt.api import check, compile_plan, load_plan, load_task, load_tree, run, run_dry, run_suite
-    from mpvi_bt.choices.config import EpisodeConfig
-    from mpvi_bt.episode.result import Result
-    from mpvi_bt.errors import BackendError, FileProblems, MpviError, NodeError, Problem, UserError
-    from mpvi_bt.instances.tasks import Task
-    from mpvi_bt.plan.schema import Plan
-    from mpvi_bt.tree.spec import TreeSpec
+    from mpvi_bt.apps.api import check, compile_plan, load_plan, load_task, load_tree, run, run_dry, run_suite
+    from mpvi_bt.executive.plan.schema import Plan
+    from mpvi_bt.executive.tree.spec import TreeSpec
+    from mpvi_bt.ground.errors import BackendError, FileProblems, MpviError, NodeError, Problem, UserError
+    from mpvi_bt.house.instances.tasks import Task
+    from mpvi_bt.runs.choices.config import EpisodeConfig
+    from mpvi_bt.runs.episode.result import Result
 
 __all__ = [
     "BackendError",
@@ -43,19 +45,21 @@ __all__ = [
     "run_suite",
 ]
 
-_API = "mpvi_bt.api"
-_ERRORS = "mpvi_bt.errors"
+sys.meta_path.append(OldNames())
+
+_API = "mpvi_bt.apps.api"
+_ERRORS = "mpvi_bt.ground.errors"
 _HOMES = {  # of what is not in the API itself
     "BackendError": _ERRORS,
-    "EpisodeConfig": "mpvi_bt.choices.config",
+    "EpisodeConfig": "mpvi_bt.runs.choices.config",
     "FileProblems": _ERRORS,
     "MpviError": _ERRORS,
     "NodeError": _ERRORS,
-    "Plan": "mpvi_bt.plan.schema",
+    "Plan": "mpvi_bt.executive.plan.schema",
     "Problem": _ERRORS,
-    "Result": "mpvi_bt.episode.result",
-    "Task": "mpvi_bt.instances.tasks",
-    "TreeSpec": "mpvi_bt.tree.spec",
+    "Result": "mpvi_bt.runs.episode.result",
+    "Task": "mpvi_bt.house.instances.tasks",
+    "TreeSpec": "mpvi_bt.executive.tree.spec",
     "UserError": _ERRORS,
 }
 

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.context import Failure
-from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.behaviors.context import Failure
+from mpvi_bt.executive.behaviors.parameters import Value
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.yaml_io import parse_tree
 
 SKILLS = load_skills()
 HELD = "the cup is held in a gripper"

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from mpvi_bt.btcpp.importing import ImportedTrees, from_xml
-from mpvi_bt.errors import FileProblems
+from mpvi_bt.executive.btcpp.importing import ImportedTrees, from_xml
+from mpvi_bt.ground.errors import FileProblems
 
 _A, _B, _C = ('<Say text="a"/>', '<Say text="b"/>', '<Say text="c"/>')
 _ONE = '<BehaviorTree ID="t"><Say text="a"/></BehaviorTree>'

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from mpvi_bt.cli import COMMANDS
+from mpvi_bt.apps.cli import COMMANDS
 
 FILE = Path(__file__).parent.parent / "docs" / "commands.md"
 HEAD = """\

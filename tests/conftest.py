@@ -38,7 +38,7 @@ def mpvi(tmp_path: Path) -> Shell:
     def run(
         *args: str, timeout: float = 60, stdin: str = "", cwd: Path = tmp_path, **env: str
     ) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *args]
+        command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", *args]
         environment = {**os.environ, "COLUMNS": "80", **env}
         return subprocess.run(
             command,

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest corner [m]
 HEAD = r1.CAMERAS["head"]

@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 from websockets.sync.client import ClientConnection
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.executive.loop import Watcher, World
-from mpvi_bt.remote import behavior_layout
-from mpvi_bt.remote.behavior import Behavior
-from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.remote.own_keys import OwnKeys
-from mpvi_bt.remote.reading import CHUNK
-from mpvi_bt.robot.limits import travel_action
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.serving.served import ServedWork, executive_server
+from mpvi_bt.executive.remote import behavior_layout
+from mpvi_bt.executive.remote.behavior import Behavior
+from mpvi_bt.executive.remote.codec import pack, unpack
+from mpvi_bt.executive.remote.own_keys import OwnKeys
+from mpvi_bt.executive.remote.reading import CHUNK
+from mpvi_bt.executive.ticking.loop import Watcher, World
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.limits import travel_action
+from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.serving.served import ServedWork, executive_server
 from mpvi_bt.testing import KinematicWorld
-from mpvi_bt.tree.build import Tree
 from tests.serving import client, received, running
 
 DIALECTS = ("behavior-2025", "behavior-2026", "openpi")

@@ -8,14 +8,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.metrics import Measurement
-from mpvi_bt.episode.result import FailureRecord, make_result
-from mpvi_bt.errors import UserError
-from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
-from mpvi_bt.instances.tasks import Task
-from mpvi_bt.robot.protocol import Side
-from mpvi_bt.writing import write_whole
+from mpvi_bt.executive.ticking.goal_report import GoalCondition, GoalReport
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.ground.writing import write_whole
+from mpvi_bt.house.instances.tasks import Task
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.metrics import Measurement
+from mpvi_bt.runs.episode.result import FailureRecord, make_result
 
 TASK = Task(
     instruction="Put the cans in the bin.",

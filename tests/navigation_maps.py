@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage, Proprioception
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import Entry
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.knowledge import Entry
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage, Proprioception
 
 
 def two_rooms(door_m: float = 0.9, resolution_m: float = 0.05) -> OccupancyMap:

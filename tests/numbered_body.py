@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.robot.protocol import SIDES, Proprioception
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception
 
 
 def numbered_body(robot: str = "r1pro", yaw: float = 0.0) -> Proprioception:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import PolicyError
-from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.robot.protocol import ACTION_SIZE
+from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.ground.errors import PolicyError
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.remote_servers import PolicyServer
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 import resource
 import sys
 
-from mpvi_bt.executive.loop import Watcher, World, run_episode
-from mpvi_bt.recording import rerun_log
-from mpvi_bt.recording.rerun_log import RerunLog
+from mpvi_bt.executive.ticking.loop import Watcher, World, run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.runs.recording import rerun_log
+from mpvi_bt.runs.recording.rerun_log import RerunLog
 from mpvi_bt.testing import scripted_context
-from mpvi_bt.tree.build import Tree
 from tests.search_views import MadeUpSearch, box, find, look
 from tests.test_recorders import SKILLS, SPEC, VisibleWorld
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.perception.detector import Detection
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import Entry
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.knowledge import Entry
+from mpvi_bt.finding.perception.detector import Detection
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage
 from tests.navigation_maps import thing, two_rooms
 
 Mask = NDArray[np.bool_]

@@ -8,9 +8,9 @@ from dataclasses import fields
 from pathlib import Path
 
 import mpvi_bt
-from mpvi_bt.choices.config import ONE_EPISODES, SETTINGS, SHARED, EpisodeConfig
+from mpvi_bt.runs.choices.config import ONE_EPISODES, SETTINGS, SHARED, EpisodeConfig
 
-FILE = Path(mpvi_bt.__file__).parent / "choices" / "setting_keywords.py"
+FILE = Path(mpvi_bt.__file__).parent / "runs" / "choices" / "setting_keywords.py"
 OWN = ("tree", "plan")  # parameters by themselves, which take more than names
 HEAD = '''\
 """Keywords of `mpvi_bt.run` and `mpvi_bt.run_suite` for type checkers, made of the fields of `EpisodeConfig`.

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from mpvi_bt.house.house import House
-from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.layout.house import House
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import load_catalogue
 
 CATALOGUE = load_catalogue()
 _SHAPES = Path(__file__).parents[1] / "benchmarks" / "hands" / "shapes"

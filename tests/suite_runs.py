@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import Result
-from mpvi_bt.suite.processes import ProcessEngine
-from mpvi_bt.suite.store import Fault
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.suite.processes import ProcessEngine
+from mpvi_bt.runs.suite.store import Fault
 
 ROOT = Path(__file__).parent.parent
 FAKE = "tests.fake_episodes:run"
@@ -95,7 +95,7 @@ def launch(
     out: Path, log: Path, *words: str, suite: str = "trash10", workers: int = 2, **env: str
 ) -> subprocess.Popen[str]:
     """`mpvi suite run` over fake episodes, in a process group of its own."""
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", "suite", "run", suite, *words]
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", "suite", "run", suite, *words]
     return subprocess.Popen(
         [*command, "--out", str(out), "--workers", str(workers), "--episode", FAKE],
         cwd=ROOT,

@@ -9,10 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from mpvi_bt.completion import criteria
-from mpvi_bt.perception.phrases import normalize, read
-from mpvi_bt.plan.schema import Navigation, Plan
-from mpvi_bt.plan.skills import SkillCall
+from mpvi_bt.executive.completion import criteria
+from mpvi_bt.executive.plan.schema import Navigation, Plan
+from mpvi_bt.executive.plan.skills import SkillCall
+from mpvi_bt.ground.words.phrases import normalize, read
 from tests.symbolic_state import FLOORS, SIDES, CannotBe, SymbolicState
 
 ON_ONLY_CLOSED = {"washer.n.03", "microwave.n.02"}

@@ -10,10 +10,10 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from mpvi_bt.completion import criteria
-from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.problem import AGENT, BddlProblem
-from mpvi_bt.perception.phrases import Vocabulary, read
+from mpvi_bt.executive.completion import criteria
+from mpvi_bt.ground.words.phrases import Vocabulary, read
+from mpvi_bt.house.goals.formula import Literal
+from mpvi_bt.house.goals.problem import AGENT, BddlProblem
 
 FLOORS = {"floor.n.01", "lawn.n.01", "driveway.n.01"}
 SIDES = ("left", "right")

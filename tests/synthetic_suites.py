@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import Result
-from mpvi_bt.report.runs import Runs
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.report.runs import Runs
 from tests.fake_episodes import fake_result
 
 TASKS = ("picking_up_trash", "hiding_Easter_eggs", "putting_shoes_on_rack", "tidying_bedroom")

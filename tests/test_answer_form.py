@@ -10,13 +10,13 @@ from typing import Any
 import jsonschema
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.plan.answer_form import MOST_VALUES, answer_schema, answer_text, read_segment
-from mpvi_bt.plan.language_planner import read_answer
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.schema import load_plan
+from mpvi_bt.executive.plan.answer_form import MOST_VALUES, answer_schema, answer_text, read_segment
+from mpvi_bt.executive.plan.language_planner import read_answer
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.schema import load_plan
+from mpvi_bt.ground import paths
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.planning import ground
 
 HOUSE = ground("family_house", load_task("picking_up_trash"))
 TRASH = load_plan(paths.find("tasks/plans", "picking_up_trash"))

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 import mpvi_bt
-from mpvi_bt import api
-from mpvi_bt.episode.result import Result
-from mpvi_bt.suite.store import Store
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.apps import api
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.suite.store import Store
 from tests import setting_keywords
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result

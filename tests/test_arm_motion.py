@@ -9,15 +9,15 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.arm_motion import glide, plan, plan_level, stay, sweep, swing, swings_clear, trace
-from mpvi_bt.robot.collision import Body, Load, Surroundings
-from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, Solid, box
-from mpvi_bt.shapes.from_above import points
+from mpvi_bt.finding.shapes.from_above import points
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.robot.arm_motion import glide, plan, plan_level, stay, sweep, swing, swings_clear, trace
+from mpvi_bt.ground.robot.collision import Body, Load, Surroundings
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 
 seeds = st.integers(0, 2**32 - 1)
 sides = st.sampled_from(SIDES)

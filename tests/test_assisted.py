@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.house.sim.world import World
 from tests.small_house import placed, run, small_house
 
 

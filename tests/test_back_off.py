@@ -8,16 +8,16 @@ from collections.abc import Callable, Collection
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.carry import back_off, settle, step_back
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.looking import look_from_elsewhere
-from mpvi_bt.robot.collision import NOTHING, Surroundings
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, ActionLayout
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, box
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry.solids import Array, box
+from mpvi_bt.ground.robot.collision import NOTHING, Surroundings
+from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout
+from mpvi_bt.hands.motion.carry import back_off, settle, step_back
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies.looking import look_from_elsewhere
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
 
 BEHIND = {side: placed("carton_of_milk", -0.58, y) for side, y in (("left", 0.2), ("right", -0.2))}

@@ -11,17 +11,17 @@ from typing import Any
 import click
 import pytest
 
-from mpvi_bt.choices.backends import BACKENDS, choose, privileged
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.plugins import OFFERED, asked_for
-from mpvi_bt.choices.policies import PolicyInputs, check_policy_choice, in_chunks, make_policy
-from mpvi_bt.cli.given import BackendType
-from mpvi_bt.episode.episode import _renders
-from mpvi_bt.episode.prepare import check_backends
-from mpvi_bt.episode.saved_episode import SavedSettings
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.apps.cli.given import BackendType
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble
+from mpvi_bt.runs.choices.backends import BACKENDS, choose, privileged
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.plugins import OFFERED, asked_for
+from mpvi_bt.runs.choices.policies import PolicyInputs, check_policy_choice, in_chunks, make_policy
+from mpvi_bt.runs.episode.episode import _renders
+from mpvi_bt.runs.episode.prepare import check_backends
+from mpvi_bt.runs.episode.saved_episode import SavedSettings
 from mpvi_bt.testing import GripPolicy
 from tests.conftest import Shell
 

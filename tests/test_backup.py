@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.backends import choose, pair
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import PolicyInputs, check_policy_choice, make_policy
-from mpvi_bt.errors import UserError
-from mpvi_bt.manipulation.policies.backup import WithBackup
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.hands.policies.backup import WithBackup
+from mpvi_bt.runs.choices.backends import choose, pair
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.policies import PolicyInputs, check_policy_choice, make_policy
 from tests.test_frames import AT_REST
 
 SKILLS = load_skills()

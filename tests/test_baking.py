@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.protocol import ACTION_SIZE
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.sim.future import future
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.house.sim.future import future
+from mpvi_bt.house.sim.world import Placement, World
 from tests.small_house import CATALOGUE, run, small_house
 
 OVEN = "{entry: oven, at: [1.5, 0.0], yaw_deg: 180}"

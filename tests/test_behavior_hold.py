@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.remote.dialect_settings import load_settings
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.house.sim.world import World
 from tests.remote_servers import PolicyServer
 from tests.small_house import placed, small_world
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.errors import BadMessage
-from mpvi_bt.remote.behavior_layout import (
+from mpvi_bt.executive.remote.behavior_layout import (
     BASE_UNITS,
     DIALECTS,
     FIELDS,
@@ -25,9 +24,10 @@ from mpvi_bt.remote.behavior_layout import (
     pose_in_world,
     velocity_of_base,
 )
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES
-from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.ground.errors import BadMessage
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES
+from mpvi_bt.ground.robot.robots import robot_named
 from tests.numbered_body import numbered_body
 
 # First index of each entry, as the table of BEHAVIOR's evaluator has them: left and right arm where there are two.

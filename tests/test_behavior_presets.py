@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import check_policy_choice, settings_for
-from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
-from mpvi_bt.remote.briefing import briefed, check_robot
-from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, Observation, load_settings
-from mpvi_bt.remote.prompts import prompt_of, read_prompts
-from mpvi_bt.remote.wire_mapping import actions_of, message_of, resize_with_crop
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.executive.remote.briefing import briefed, check_robot
+from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, Observation, load_settings
+from mpvi_bt.executive.remote.prompts import prompt_of, read_prompts
+from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of, resize_with_crop
+from mpvi_bt.ground.errors import FileProblems, PolicyError, UnknownName, UserError
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.policies import check_policy_choice, settings_for
 from tests.numbered_body import numbered_body
 
 LINKS = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}

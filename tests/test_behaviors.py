@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.context import Context, Query, Stopwatch
-from mpvi_bt.behaviors.node import failure_of
-from mpvi_bt.behaviors.question import Question
-from mpvi_bt.errors import NodeError, UnknownName
-from mpvi_bt.protocols import Judgement, Progress, Report, TriggerEvent
-from mpvi_bt.robot.limits import extremes, largest_step
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.behaviors.context import Context, Query, Stopwatch
+from mpvi_bt.executive.behaviors.node import failure_of
+from mpvi_bt.executive.behaviors.question import Question
+from mpvi_bt.executive.tree.saving import restore, save
+from mpvi_bt.ground.errors import NodeError, UnknownName
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Judgement, Progress, Report, TriggerEvent
+from mpvi_bt.ground.robot.limits import extremes, largest_step
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.testing import KinematicRobot
-from mpvi_bt.tree.saving import restore, save
 from tests.bench import HELD, PICK, PLACES, Bench, tree
 
 

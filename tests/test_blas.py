@@ -16,14 +16,15 @@ import mpvi_bt
 
 PACKAGE = Path(mpvi_bt.__file__).parent
 # All but reports, which only tell, and what writes the mesh of a thing into a file, once.
-NOT_DECIDING = {"report", "things/mesh_import.py"}
+NOT_DECIDING = {"runs/report", "house/things/mesh_import.py"}
 DECIDING = [
     path
     for path in sorted(PACKAGE.rglob("*.py"))
-    if not {path.relative_to(PACKAGE).parts[0], str(path.relative_to(PACKAGE))} & NOT_DECIDING
+    if not {path.relative_to(PACKAGE).parent.as_posix(), path.relative_to(PACKAGE).as_posix()} & NOT_DECIDING
 ]
 
-# Of numpy and scipy, what calls a BLAS or a LAPACK. `robot/linear_algebra.py` and `robot/rotations.py` have the like.
+# Calls of numpy and scipy that use a BLAS or a LAPACK. `linear_algebra.py` and `rotations.py` of `ground/geometry`
+# have the like.
 CALLS = {"linalg", "dot", "from_matrix", "align_vectors"}  # of whatever has it
 OF_NUMPY = {
     *("vdot", "inner", "matmul", "tensordot", "einsum", "vecdot", "matvec", "vecmat"),
@@ -61,7 +62,7 @@ def calls(path: Path) -> Iterator[str]:
 def test_what_decides_calls_no_blas() -> None:
     """No module that decides multiplies by BLAS: it rounds otherwise on another processor.
 
-    `matmul`, `norm`, `principal_axes` and `least_squares` of `robot/linear_algebra.py` do not, nor does `rotation`.
+    `matmul`, `norm`, `principal_axes` and `least_squares` of `linear_algebra.py` do not, nor does `rotation`.
     """
     found = [f"{path.relative_to(PACKAGE)}:{call}" for path in DECIDING for call in calls(path)]
     assert not found, "\n".join(found)
@@ -114,8 +115,8 @@ print(digest(A @ B))
 """
 
 ALGEBRA = """
-from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm, principal_axes
-from mpvi_bt.robot.rotations import rotation
+from mpvi_bt.ground.geometry.linear_algebra import least_squares, matmul, norm, principal_axes
+from mpvi_bt.ground.geometry.rotations import rotation
 from scipy.spatial.transform import Rotation
 points, R = np.random.default_rng(1).normal(size=(500, 3)), Rotation.random(9, rng=2).as_matrix()
 R32 = R.astype(np.float32).astype(float)  # as of a simulator: not quite orthogonal
@@ -124,9 +125,9 @@ print(digest(*principal_axes(points), least_squares(points, points[:, 0] ** 2), 
 """
 
 EPISODE = """
-from mpvi_bt.executive.loop import Watcher
-from mpvi_bt.episode import episode
-from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.executive.ticking.loop import Watcher
+from mpvi_bt.runs.episode import episode
+from mpvi_bt.runs.choices.config import EpisodeConfig
 
 class Steps(Watcher):
     def __init__(self):

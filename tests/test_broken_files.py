@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 import yaml
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.marked_yaml import Location, load_marked
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.marked_yaml import Location, load_marked
 
 ROOT = paths.shipped()
 GOOD = sorted(

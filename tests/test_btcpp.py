@@ -15,16 +15,16 @@ from click.testing import CliRunner
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.behaviors.parameters import Assignment, Comparison
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.btcpp.export import to_xml
-from mpvi_bt.btcpp.importing import from_xml
-from mpvi_bt.cli.convert import convert
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.tree.reader import MAX_DEPTH
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
-from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
+from mpvi_bt.apps.cli.convert import convert
+from mpvi_bt.executive.behaviors.parameters import Assignment, Comparison
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.btcpp.export import to_xml
+from mpvi_bt.executive.btcpp.importing import from_xml
+from mpvi_bt.executive.tree.reader import MAX_DEPTH
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.tree.yaml_io import dump_tree, load_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UserError
 from tests.tree_strategies import above, leaves, numbers, trees, words
 
 

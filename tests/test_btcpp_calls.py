@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.behaviors.parameters import NavigateTo
-from mpvi_bt.btcpp.importing import ImportedTrees, from_xml
-from mpvi_bt.errors import FileProblems
+from mpvi_bt.executive.behaviors.node import Leaf
+from mpvi_bt.executive.behaviors.parameters import NavigateTo
+from mpvi_bt.executive.btcpp.importing import ImportedTrees, from_xml
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import Placed, TreeSpec
+from mpvi_bt.executive.tree.yaml_io import dump_tree, load_tree
+from mpvi_bt.ground.errors import FileProblems
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import Placed, TreeSpec
-from mpvi_bt.tree.yaml_io import dump_tree, load_tree
 from tests.test_btcpp_real import CHECKER
 
 VISIT = '<Navigate target="{goal}"/>'

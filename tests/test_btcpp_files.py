@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from mpvi_bt.btcpp.encoding import read_xml
-from mpvi_bt.btcpp.importing import from_xml
-from mpvi_bt.cli.convert import convert
-from mpvi_bt.errors import FileProblems, UnknownName, UserError
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.apps.cli.convert import convert
+from mpvi_bt.executive.btcpp.encoding import read_xml
+from mpvi_bt.executive.btcpp.importing import from_xml
+from mpvi_bt.executive.tree.yaml_io import load_tree
+from mpvi_bt.ground.errors import FileProblems, UnknownName, UserError
 
 
 def calling(**trees: str) -> str:

@@ -14,11 +14,11 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.btcpp.export import to_xml
-from mpvi_bt.btcpp.importing import from_xml
-from mpvi_bt.cli.convert import convert
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.tree.yaml_io import dump_tree, load_tree
+from mpvi_bt.apps.cli.convert import convert
+from mpvi_bt.executive.btcpp.export import to_xml
+from mpvi_bt.executive.btcpp.importing import from_xml
+from mpvi_bt.executive.tree.yaml_io import dump_tree, load_tree
+from mpvi_bt.ground.errors import FileProblems, UserError
 from tests.test_btcpp import main_tree
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
@@ -63,7 +63,7 @@ root:
 
 def mpvi(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
     """The command in a process of its own."""
-    return run("from mpvi_bt.cli import main; main()", *map(str, words), folder=folder)
+    return run("from mpvi_bt.apps.cli import main; main()", *map(str, words), folder=folder)
 
 
 def run(code: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -95,7 +95,7 @@ def test_a_stand_in_fails_until_it_is_written(converted: Path) -> None:
     """A run with a robot says which class to write; a dry run is no proof that anything is done."""
     code = (
         "from mpvi_bt.testing import KinematicWorld, scripted_context\n"
-        "from mpvi_bt.tree.build import Tree\nfrom mpvi_bt.tree.yaml_io import load_tree\n"
+        "from mpvi_bt.executive.tree.build import Tree\nfrom mpvi_bt.executive.tree.yaml_io import load_tree\n"
         "tree = Tree(load_tree('own.yaml'))\ntree.setup(scripted_context(KinematicWorld(), {}, {}, {}))\n"
         "print(tree.tick().name)\n"
         "[print(n.failure.reason, n.failure.evidence) for n in tree.nodes.values() if n.failure]"

@@ -20,13 +20,13 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.parameters import NavigateTo
-from mpvi_bt.btcpp import mapping
-from mpvi_bt.btcpp.export import to_xml
+from mpvi_bt.executive.behaviors.parameters import NavigateTo
+from mpvi_bt.executive.btcpp import mapping
+from mpvi_bt.executive.btcpp.export import to_xml
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import NodeSpec, Placed, TreeSpec
+from mpvi_bt.executive.tree.yaml_io import load_tree
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
-from mpvi_bt.tree.yaml_io import load_tree
 from tests.test_btcpp import BROKEN, DEEPEST, SHIPPED, exported, node, scripted_trees
 from tests.tree_strategies import trees
 

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.btcpp.condition_script import read_condition
-from mpvi_bt.btcpp.importing import from_xml
+from mpvi_bt.executive.btcpp.condition_script import read_condition
+from mpvi_bt.executive.btcpp.importing import from_xml
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.yaml_io import parse_tree
 from tests.test_btcpp import SELECTOR, SEQUENCE, main_tree
 from tests.test_btcpp_real import CHECKER, theirs
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpvi_bt.house.house import load_house
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.sim.builder import Thing, build_house, build_object
-from mpvi_bt.sim.shaders import new_scene, shader_folder
-from mpvi_bt.sim.views import look_at, overview
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.sim.builder import Thing, build_house, build_object
+from mpvi_bt.house.sim.shaders import new_scene, shader_folder
+from mpvi_bt.house.sim.views import look_at, overview
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 HOUSE = load_house()
 CATALOGUE = load_catalogue()
@@ -182,8 +182,8 @@ def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
 def test_no_rendering_device_is_said_in_one_line() -> None:
     """Without a Vulkan driver a scene with pictures is refused with the command that helps; one without works."""
     code = (
-        "from mpvi_bt.sim.shaders import new_scene\n"
-        "from mpvi_bt.errors import NoRenderingDevice\n"
+        "from mpvi_bt.house.sim.shaders import new_scene\n"
+        "from mpvi_bt.ground.errors import NoRenderingDevice\n"
         "new_scene(False).step()\n"
         "try:\n    new_scene(True)\n"
         "except NoRenderingDevice as error:\n    print(error)\n"
@@ -196,7 +196,7 @@ def test_no_rendering_device_is_said_in_one_line() -> None:
 
 def test_shaders_are_the_packages_own_without_the_table(tmp_path: Path) -> None:
     """The light shaders are written where the user's cache is, and no longer name the table."""
-    code = "from mpvi_bt.sim.shaders import shader_folder\nprint(shader_folder())"
+    code = "from mpvi_bt.house.sim.shaders import shader_folder\nprint(shader_folder())"
     done = run(code, XDG_CACHE_HOME=str(tmp_path))
     folder = Path(done.stdout.strip())
     assert tmp_path in folder.parents

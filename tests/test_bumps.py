@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import ActionLayout
 from tests.small_house import run, small_world
 
 

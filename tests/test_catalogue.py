@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.cli.check import check
-from mpvi_bt.errors import FileProblems, UnknownName
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
-from mpvi_bt.things.description import RigidBody
-from mpvi_bt.things.families import FAMILIES, describe, family
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UnknownName
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.things.catalogue import CatalogueEntry, load_catalogue
+from mpvi_bt.house.things.description import RigidBody
+from mpvi_bt.house.things.families import FAMILIES, describe, family
 
 ENTRIES = list(load_catalogue())
 JOINTED = [entry for entry in ENTRIES if entry.description.jointed]

@@ -16,12 +16,12 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.cli.check import check
-from mpvi_bt.cli.problems import excerpt
-from mpvi_bt.drawing.cells import WIDTH, columns
-from mpvi_bt.marked_yaml import MAX_PROBLEMS, load_marked
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.apps.cli.problems import excerpt
+from mpvi_bt.executive.drawing.cells import WIDTH, columns
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, load_marked
 
 ROOT = paths.shipped()
 
@@ -250,7 +250,7 @@ def test_line_ends_and_byte_order_marks_do_not_matter(tmp_path: Path, change: An
 
 def test_a_pipe_is_read_once() -> None:
     """What another command writes can be checked, and is not waited for again when it is shown."""
-    code = "from mpvi_bt.cli import main; main()"
+    code = "from mpvi_bt.apps.cli import main; main()"
     command = f'"{sys.executable}" -c "{code}" check <(printf "tree: t\\nroot: [")'
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=30, check=False)
     assert (done.returncode, done.stdout.count("[syntax]")) == (1, 1)
@@ -264,7 +264,7 @@ def test_what_reads_trees_loads_no_numpy_and_no_simulator(words: list[str]) -> N
     heavy = ("numpy", "py_trees", "sapien", "torch", "scipy", "numba")
     args = [str(ROOT / "trees" / "fetch.yaml") if word == "TREE" else word for word in words]
     code = (
-        "import sys\nfrom mpvi_bt.cli import main\n"
+        "import sys\nfrom mpvi_bt.apps.cli import main\n"
         f"try: main({args!r})\nfinally: print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -369,7 +369,7 @@ def test_what_would_eat_the_machine_is_refused_in_time(tmp_path: Path, name: str
         resource.setrlimit(resource.RLIMIT_CPU, (3, 3))
         resource.setrlimit(resource.RLIMIT_AS, (500 * 2**20, 500 * 2**20))
 
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", "check", str(path)]
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", "check", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, preexec_fn=limit, check=False, timeout=60)
     assert done.returncode == 1, done.stderr[-500:]
     assert len(done.stdout) < 200_000

@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.checkers import check_checker_choice, doubt
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.completion.criteria import MOST_CHARACTERS, Criterion, Relation, named, parse
-from mpvi_bt.completion.mistakes import CheckErrors, MistakenChecker
-from mpvi_bt.completion.oracle import OracleChecker
-from mpvi_bt.completion.visual import VisualChecker
-from mpvi_bt.errors import UserError
-from mpvi_bt.plan.skill_phrases import filled
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.protocols import Checker, Judgement
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, rot_y, transform
-from mpvi_bt.robot.protocol import CameraImage, Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.completion.criteria import MOST_CHARACTERS, Criterion, Relation, named, parse
+from mpvi_bt.executive.completion.mistakes import CheckErrors, MistakenChecker
+from mpvi_bt.executive.completion.oracle import OracleChecker
+from mpvi_bt.executive.plan.skill_phrases import filled
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.finding.perception.visual_checker import VisualChecker
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.kinematics import LINK_TO_OPTICAL, rot_y, transform
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Checker, Judgement
+from mpvi_bt.ground.robot.protocol import CameraImage, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.runs.choices.checkers import check_checker_choice, doubt
+from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.testing import ScriptedChecker, check_checker
 
 PHRASES = {

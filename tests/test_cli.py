@@ -14,10 +14,10 @@ from pathlib import Path
 import click
 import pytest
 
-from mpvi_bt import errors, paths
-from mpvi_bt.cli import COMMANDS, main
-from mpvi_bt.cli.group import LazyGroup, cli
-from mpvi_bt.cli.listing import FOLDERS
+from mpvi_bt.apps.cli import COMMANDS, main
+from mpvi_bt.apps.cli.group import LazyGroup, cli
+from mpvi_bt.apps.cli.listing import FOLDERS
+from mpvi_bt.ground import errors, paths
 from tests.conftest import Shell
 
 
@@ -175,7 +175,7 @@ def test_unknown_command_names_the_nearest(mpvi: Shell) -> None:
 
 def test_output_that_nobody_reads_is_no_fault(tmp_path: Path) -> None:
     """`mpvi list ... | head -0` ends quietly."""
-    code = "from mpvi_bt.cli import main; main(['list', 'backends'])"
+    code = "from mpvi_bt.apps.cli import main; main(['list', 'backends'])"
     done = subprocess.run(
         ["/bin/sh", "-c", f'"{sys.executable}" -c "{code}" | head -c 0'], capture_output=True, text=True, check=True
     )
@@ -187,7 +187,7 @@ def test_a_full_disk_is_one_line(words: str, tmp_path: Path) -> None:
     """Where nothing can be printed any more the command says so, and ends as for a fault of the machine."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *words.split()],
+            [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", *words.split()],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -201,7 +201,7 @@ def test_a_full_disk_is_one_line(words: str, tmp_path: Path) -> None:
 
 def test_a_reader_that_has_had_enough_is_no_failed_task(tmp_path: Path) -> None:
     """`mpvi run | head` goes on to its end, trace and all, and does not end with 1."""
-    code = "from mpvi_bt.cli import main; main(['run', '--dry', '--tree', 'evening_round'])"
+    code = "from mpvi_bt.apps.cli import main; main(['run', '--dry', '--tree', 'evening_round'])"
     done = subprocess.run(
         ["/bin/bash", "-c", f'"{sys.executable}" -c "{code}" | head -1 >/dev/null; echo "${{PIPESTATUS[0]}}"'],
         capture_output=True,
@@ -232,7 +232,9 @@ def test_help_takes_at_most_five_times_a_bare_python() -> None:
         subprocess.run([sys.executable, *args], check=True, stdout=subprocess.DEVNULL)
         return time.perf_counter() - started
 
-    pairs = [(seconds("-c", "pass"), seconds("-c", "from mpvi_bt.cli import main; main(['--help'])")) for _ in range(7)]
+    pairs = [
+        (seconds("-c", "pass"), seconds("-c", "from mpvi_bt.apps.cli import main; main(['--help'])")) for _ in range(7)
+    ]
     bare, help_ = (min(column) for column in zip(*pairs, strict=True))
     assert help_ <= 5 * bare, f"--help took {help_ / bare:.1f} times as long"
 

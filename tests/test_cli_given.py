@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
+from mpvi_bt.ground import paths
 from tests.conftest import Shell
 
 

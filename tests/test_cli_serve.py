@@ -20,12 +20,12 @@ from click.testing import CliRunner
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from mpvi_bt.choices.policies import PolicyInputs, demonstrations, make_policy
-from mpvi_bt.cli.serve import serve
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.remote.codec import unpack
-from mpvi_bt.remote.openpi import OpenpiPolicy
+from mpvi_bt.apps.cli.serve import serve
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.remote.codec import unpack
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.runs.choices.policies import PolicyInputs, demonstrations, make_policy
 from tests.conftest import Shell
 from tests.serving import observation
 
@@ -94,7 +94,7 @@ def test_a_key_that_no_client_can_send_is_told(key: str, monkeypatch: pytest.Mon
 @contextlib.contextmanager
 def _served(*args: str) -> Iterator[str]:
     """The address of `mpvi serve` in a process of its own."""
-    command = [sys.executable, "-m", "mpvi_bt.cli", "serve", *args, "--port", "0", "--json"]
+    command = [sys.executable, "-m", "mpvi_bt.apps.cli", "serve", *args, "--port", "0", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         try:
             assert process.stdout is not None
@@ -132,7 +132,7 @@ def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_serves_until_it_is_told_to_end(number: int) -> None:
     """It says where it listens, answers, tells clients when it is stopped; told again and again, it ends with 0."""
-    command = [sys.executable, "-m", "mpvi_bt.cli", "serve", "reactive", "--port", "0", "--json"]
+    command = [sys.executable, "-m", "mpvi_bt.apps.cli", "serve", "reactive", "--port", "0", "--json"]
     environment = {**os.environ, "OPENPI_API_KEY": "sesame"}
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment

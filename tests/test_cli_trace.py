@@ -17,13 +17,13 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.cli.render import render
-from mpvi_bt.cli.replay import Player, replay
-from mpvi_bt.cli.trace import diff_, explain_
-from mpvi_bt.drawing.cells import columns
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.trace.read import read_trace
+from mpvi_bt.apps.cli.render import render
+from mpvi_bt.apps.cli.replay import Player, replay
+from mpvi_bt.apps.cli.trace import diff_, explain_
+from mpvi_bt.executive.drawing.cells import columns
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.ground.errors import FileProblems
 from tests.conftest import Shell
 from tests.test_trace import FETCH, episode
 
@@ -145,7 +145,7 @@ def test_a_trace_without_a_tick_is_shown(trace: Path) -> None:
 def test_replay_on_a_terminal(trace: Path) -> None:
     """A person steps through it, and gets the screen back on q."""
     ours, theirs = pty.openpty()
-    code = "from mpvi_bt.cli import main; main()"
+    code = "from mpvi_bt.apps.cli import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code, "replay", str(trace)],
         stdin=theirs,
@@ -216,7 +216,7 @@ def test_nothing_heavy_loads(trace: Path) -> None:
     """The three commands need neither py_trees nor numpy."""
     code = f"""
 import sys
-from mpvi_bt.cli.group import run
+from mpvi_bt.apps.cli.group import run
 for words in (["replay", {str(trace)!r}], ["explain", {str(trace)!r}], ["diff", {str(trace)!r}, {str(trace)!r}]):
     assert run(words) == 0
 print("LOADED", [m for m in ("py_trees", "numpy", "sapien", "numba", "scipy") if m in sys.modules])

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from mpvi_bt.cli.check import check
-from mpvi_bt.cli.compile_plan import compile_
-from mpvi_bt.cli.render import render
-from mpvi_bt.errors import MpviError
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.apps.cli.compile_plan import compile_
+from mpvi_bt.apps.cli.render import render
+from mpvi_bt.executive.tree.yaml_io import load_tree
+from mpvi_bt.ground.errors import MpviError
 
 RUN = CliRunner()
 

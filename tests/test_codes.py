@@ -11,9 +11,9 @@ from pathlib import Path
 from click.testing import CliRunner
 
 import mpvi_bt
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.cli.check import check
-from mpvi_bt.marked_yaml import _CODES
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.ground.marked_yaml import _CODES
 from tests.test_broken_files import MUTANTS
 
 PACKAGE = Path(mpvi_bt.__file__).parent

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Body, Load, Surroundings, carries, covering_spheres
-from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, Solid, box
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.robot.collision import Body, Load, Surroundings, carries, covering_spheres
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 
 seeds = st.integers(0, 2**32 - 1)
 LEFT_LOW, LEFT_HIGH = r1.ARM_LIMITS["left"].T

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.expert import ExpertPolicy
 from tests.small_house import placed, small_world
 
 

@@ -13,11 +13,13 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.behaviors.context import Stopwatch
-from mpvi_bt.compiled import compiled, compiled_later, compiling
+from mpvi_bt.executive.behaviors.context import Stopwatch
+from mpvi_bt.ground.compiled import compiled, compiled_later, compiling
 from tests.conftest import Shell
 
-USES = "import numpy as np\nfrom mpvi_bt.robot.linear_algebra import matmul\nprint(matmul(np.eye(3), [1, 2, 3]))"
+USES = (
+    "import numpy as np\nfrom mpvi_bt.ground.geometry.linear_algebra import matmul\nprint(matmul(np.eye(3), [1, 2, 3]))"
+)
 
 
 def test_without_a_folder_for_its_cache_a_loop_is_compiled_anew(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.manipulation.motion.approach import approach
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.pick import options
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.hands.motion.approach import approach
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills.pick import options
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 

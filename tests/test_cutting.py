@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.protocol import ACTION_SIZE
-from mpvi_bt.robot.solids import bounds
-from mpvi_bt.sim.future import future
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import bounds
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.house.sim.future import future
+from mpvi_bt.house.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, run, small_house, small_world
 
 STILL = np.zeros(ACTION_SIZE)

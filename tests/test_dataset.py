@@ -18,19 +18,19 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.cli.dataset import dataset
-from mpvi_bt.cli.group import run
-from mpvi_bt.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
-from mpvi_bt.datasets.lerobot import DatasetForm, write_dataset
-from mpvi_bt.datasets.normalization import QUANTILES
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.executive.loop import Outcome
-from mpvi_bt.paths import find
-from mpvi_bt.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder, state
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.apps.cli.dataset import dataset
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.executive.ticking.loop import Outcome
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.yaml_io import load_tree
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.paths import find
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
+from mpvi_bt.runs.datasets.lerobot import DatasetForm, write_dataset
+from mpvi_bt.runs.datasets.normalization import QUANTILES
+from mpvi_bt.runs.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder, state
 from tests.demonstrating import Moving, held, recorded, told
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.cli.group import run
-from mpvi_bt.datasets.demonstrations import check_demonstrations, read_demonstration
-from mpvi_bt.datasets.lerobot import DatasetForm, write_dataset
-from mpvi_bt.errors import UserError
-from mpvi_bt.remote.behavior_layout import FIELDS
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.executive.remote.behavior_layout import FIELDS
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, read_demonstration
+from mpvi_bt.runs.datasets.lerobot import DatasetForm, write_dataset
 from tests.demonstrating import held, recorded, told
 
 pd = pytest.importorskip("pandas")

@@ -17,13 +17,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import UserError
-from mpvi_bt.executive.debugger import Debugger
-from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
-from mpvi_bt.executive.loop import Outcome, Watcher, run_episode
-from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.ticking.debugger import Debugger
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context, dry_tree, run_dry
+from mpvi_bt.executive.ticking.loop import Outcome, Watcher, run_episode
+from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.recording.recorder import Recorder
 from tests.conftest import Shell
 from tests.test_dry import lasting
 from tests.test_tutorial import ROOT, play
@@ -231,7 +231,7 @@ def test_on_a_terminal_nothing_is_drawn_over(tmp_path: Path) -> None:
     command = [
         sys.executable,
         "-c",
-        "from mpvi_bt.cli import main; main()",
+        "from mpvi_bt.apps.cli import main; main()",
         "run",
         "--dry",
         "--tree",
@@ -259,7 +259,7 @@ def test_on_a_terminal_nothing_is_drawn_over(tmp_path: Path) -> None:
 def test_ctrl_c_at_the_question_stops_at_once(tmp_path: Path) -> None:
     """Without Enter after it: the run is saved, and its end told."""
     parent, child = pty.openpty()
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()"]
     command += ["run", "--dry", "--tree", "go_to", "--step", "--no-watch"]
     process = subprocess.Popen(command, cwd=tmp_path, stdin=child, stdout=child, stderr=child)
     os.close(child)

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.parameters import Call
-from mpvi_bt.protocols import Progress, Report
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.behaviors.parameters import Call
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.ground.protocols import Progress, Report
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from tests.bench import Bench
 
 RUNNING, SUCCESS, FAILURE = Status.RUNNING, Status.SUCCESS, Status.FAILURE

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpvi_bt.scene.deeds import Deeds
+from mpvi_bt.finding.scene.deeds import Deeds
 
 SHEET = np.array([[1.0, 1.0, 0.0], [1.4, 1.6, 0.02]])
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import mpvi_bt
-from mpvi_bt.errors import DetectorError
-from mpvi_bt.perception.detector import Detection, GuardedDetector
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.finding.perception.detector import Detection, GuardedDetector
+from mpvi_bt.ground.errors import DetectorError
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.testing import KinematicRobot, check_detector
 
 IMAGE = KinematicRobot().look("head")
@@ -186,6 +186,6 @@ def test_every_reason_is_in_the_page() -> None:
     """docs/detectors.md lists what the source says, and nothing else."""
     package = Path(mpvi_bt.__file__).parent
     page = (package.parent / "docs" / "detectors.md").read_text(encoding="utf-8")
-    source = "".join(path.read_text(encoding="utf-8") for path in (package / "perception").glob("*.py"))
+    source = "".join(path.read_text(encoding="utf-8") for path in (package / "finding" / "perception").glob("*.py"))
     said = set(re.findall(r'DetectorError\(\s*"([a-z_]+)"', source)) | set(re.findall(r'"(bad_[a-z]+)"', source))
     assert said == set(re.findall(r"^\| `([a-z_]+)` \|", page.split("## When a detector fails")[1], re.MULTILINE))

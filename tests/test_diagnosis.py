@@ -14,31 +14,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.disturbances.late_policy import LatePolicy
-from mpvi_bt.drawing.cells import columns
-from mpvi_bt.episode.queries import with_truth
-from mpvi_bt.episode.result import kept_handoff, read_result, write_result
-from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
-from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.monitors.causes import likely_cause
-from mpvi_bt.monitors.handoff import HandFigures, Handoff
-from mpvi_bt.monitors.handoff_text import handoff_line, handoff_lines
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.report.figures import figures
-from mpvi_bt.report.page import report_page
-from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.timeline import timeline
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.drawing.cells import columns
+from mpvi_bt.executive.monitors.causes import likely_cause
+from mpvi_bt.executive.monitors.handoff import HandFigures, Handoff
+from mpvi_bt.executive.monitors.handoff_text import handoff_line, handoff_lines
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.goal_report import GoalCondition, GoalReport
+from mpvi_bt.executive.ticking.live import LiveTree
+from mpvi_bt.executive.ticking.loop import Outcome, run_episode
+from mpvi_bt.executive.trace.explain import Explanation, explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.html import trace_page
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
+from mpvi_bt.runs.disturbances.late_policy import LatePolicy
+from mpvi_bt.runs.episode.queries import with_truth
+from mpvi_bt.runs.episode.result import kept_handoff, read_result, write_result
+from mpvi_bt.runs.recording.recorder import Recorder
+from mpvi_bt.runs.report.figures import figures
+from mpvi_bt.runs.report.page import report_page
+from mpvi_bt.runs.report.runs import Runs
+from mpvi_bt.runs.report.timeline import timeline
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.trace.explain import Explanation, explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.html import trace_page
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.yaml_io import parse_tree
 from tests.synthetic_suites import synthetic_result, synthetic_runs
 
 SKILLS = load_skills()

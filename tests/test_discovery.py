@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import DetectorError
-from mpvi_bt.perception.detector import Detection
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.discovery import Discoveries
-from mpvi_bt.scene.knowledge import LIKELY, Entry, KnowledgeBase
+from mpvi_bt.executive.plan.knowledge import LIKELY, Entry, KnowledgeBase
+from mpvi_bt.finding.perception.detector import Detection
+from mpvi_bt.finding.scene.discovery import Discoveries
+from mpvi_bt.ground.errors import DetectorError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 from tests.depth_pictures import Box, picture
 from tests.navigation_maps import thing
 from tests.test_squeeze import TORSO, facing_hands

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mpvi_bt.house.house import load_house
-from mpvi_bt.house.prior_map import knowledge, prior_map
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.scene.discovery import Discoveries
-from mpvi_bt.scene.knowledge import LIKELY, Entry, KnowledgeBase
-from mpvi_bt.sim.world import Placement, World
-from mpvi_bt.things.catalogue import CatalogueEntry
+from mpvi_bt.executive.plan.knowledge import LIKELY, Entry, KnowledgeBase
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene.discovery import Discoveries
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.prior_map import knowledge, prior_map
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_discovery import Clock, Pose, body, disturbed
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.drawing import symbols
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.model import Camera
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.drawing import symbols
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.yaml_io import load_tree
+from mpvi_bt.ground.robot.model import Camera
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.hands.robots import r1
 
 ROOT = Path(__file__).parent.parent
 OBSERVATIONS = (ROOT / "docs" / "observations.md").read_text(encoding="utf-8")
@@ -115,7 +115,7 @@ def test_the_package_of_the_reference_works(tmp_path: Path, dry: bool) -> None:
 
 
 def _mpvi(folder: Path, *args: str) -> subprocess.CompletedProcess[str]:
-    code = "import sys; sys.path.insert(0, ''); from mpvi_bt.cli import main; main()"
+    code = "import sys; sys.path.insert(0, ''); from mpvi_bt.apps.cli import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *args], cwd=folder, capture_output=True, text=True, timeout=60, check=False
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.cli import doctor
+from mpvi_bt.apps.cli import doctor
 from tests.conftest import Shell
 
 
@@ -73,7 +73,7 @@ def test_keys_are_never_shown(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.render
 def test_pictures_can_be_drawn_here() -> None:
     """Where rendering works, the probe draws what it should."""
-    command = [sys.executable, "-m", "mpvi_bt.sim.probe", "picture"]
+    command = [sys.executable, "-m", "mpvi_bt.house.sim.probe", "picture"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert "picture" in done.stdout

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.draw_out import draw_out, options
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills.draw_out import draw_out, options
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 
 WALL_X = 2.95

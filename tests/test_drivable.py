@@ -9,15 +9,15 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.stance.stance_search import Search
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Load, Surroundings
-from mpvi_bt.robot.mobile_base import placed
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import Proprioception, Side
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array, Solid, box
-from mpvi_bt.scene.held import Held
+from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.robot.collision import Load, Surroundings
+from mpvi_bt.ground.robot.mobile_base import placed
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.hands.stance.stance_search import Search
 from tests.small_house import small_world
 
 START, AHEAD = np.zeros(3), np.array([0.6, 0.0, 0.0])

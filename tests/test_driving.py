@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.navigation.driver import DEFAULTS, Driver, GaveUp
-from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.goals import Goal, distance_to
-from mpvi_bt.navigation.grid import cost_to_reach
-from mpvi_bt.navigation.traversability import Traversability, traversability
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.kinematics import wrap
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Proprioception
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase
+from mpvi_bt.finding.navigation.driver import DEFAULTS, Driver, GaveUp
+from mpvi_bt.finding.navigation.footprint import Footprint
+from mpvi_bt.finding.navigation.goals import Goal, distance_to
+from mpvi_bt.finding.navigation.grid import cost_to_reach
+from mpvi_bt.finding.navigation.traversability import Traversability, traversability
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.kinematics import wrap
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.hands.robots import r1
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 FOOTPRINT_M = 0.33

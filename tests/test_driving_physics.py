@@ -8,23 +8,23 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from mpvi_bt.house.house import House, check_house
-from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.navigation.driver import Driver, GaveUp
-from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.goals import Goal
-from mpvi_bt.navigation.traversability import Traversability
-from mpvi_bt.robot.protocol import CONTROL_HZ, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.robot.stow import ArmStow
-from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.scene.occupancy import Occupancy
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase
+from mpvi_bt.finding.navigation.driver import Driver, GaveUp
+from mpvi_bt.finding.navigation.footprint import Footprint
+from mpvi_bt.finding.navigation.goals import Goal
+from mpvi_bt.finding.navigation.traversability import Traversability
+from mpvi_bt.finding.scene.occupancy import Occupancy
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.marked_yaml import parse_marked
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
+from mpvi_bt.ground.robot.stow import ArmStow
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.layout.house import House, check_house
+from mpvi_bt.house.layout.prior_map import prior_map
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.testing.full_hands import put_in_hands
-from mpvi_bt.things.catalogue import load_catalogue
 from tests.small_house import LARGE
 from tests.test_expert import play
 

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.errors import NodeError
-from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.substitute import load_rules
-from mpvi_bt.tree.yaml_io import load_tree, parse_tree
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_tree, run_dry
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.substitute import load_rules
+from mpvi_bt.executive.tree.yaml_io import load_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import NodeError
+from mpvi_bt.runs.recording.recorder import Recorder
 from tests.conftest import Shell
 
 SKILLS = load_skills()
@@ -137,7 +137,7 @@ class No:
         if name.split(".")[0] in {"sapien", "torch", "mani_skill", "cv2", "imageio_ffmpeg"}:
             raise ImportError(name + " is blocked")
 sys.meta_path.insert(0, No())
-from mpvi_bt.cli import main
+from mpvi_bt.apps.cli import main
 main()
 """
 
@@ -252,7 +252,7 @@ def test_a_robot_node_of_another_package_has_a_stand_in_too(monkeypatch: pytest.
     ours = node_types()["navigate"]
     other = replace(ours, kind="dance", factory="another.package:Dance")
     monkeypatch.setattr(
-        "mpvi_bt.behaviors.registry.metadata.entry_points",
+        "mpvi_bt.executive.behaviors.registry.metadata.entry_points",
         lambda group: [SimpleNamespace(name="dance", value="another.package:ROW", load=lambda: other)],
     )
     node_types.cache_clear()

@@ -20,16 +20,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.errors import Problem, UserError
-from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.tree.reader import sketch
-from mpvi_bt.tree.tree_file import TreeReading
-from mpvi_bt.tree.yaml_io import parse_tree
-from mpvi_bt.watch.drawer import Drawer
-from mpvi_bt.watch.edited_file import FileText
-from mpvi_bt.watch.edited_tree import Edited
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.apps.watch.drawer import Drawer
+from mpvi_bt.apps.watch.edited_file import FileText
+from mpvi_bt.apps.watch.edited_tree import Edited
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.tree.reader import sketch
+from mpvi_bt.executive.tree.tree_file import TreeReading
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import Problem, UserError
+from mpvi_bt.ground.marked_yaml import parse_marked
 from tests.browser import BROWSER, Browser, Tab, browser
 from tests.test_html import Tags
 from tests.test_watch import TREE, serving
@@ -198,7 +198,7 @@ def test_the_drawing_is_of_the_text_that_is_being_checked(tmp_path: Path, monkey
         time.sleep(0.5)
         return problems_in(path, text=text)
 
-    monkeypatch.setattr("mpvi_bt.watch.edited_tree.problems_in", slowly)
+    monkeypatch.setattr("mpvi_bt.apps.watch.edited_tree.problems_in", slowly)
 
     file.write_text(TREE.replace("tree: slow", "tree: another"), encoding="utf-8")
     with TestClient(edited.app) as client, ThreadPoolExecutor(1) as pool:
@@ -241,7 +241,7 @@ def test_no_file_is_left_where_the_server_has_gone(tmp_path: Path) -> None:
     """What draws for it ends with its input, and removes the folder that the server would have removed."""
     folder = tmp_path / "files"
     folder.mkdir()
-    command = [sys.executable, "-m", "mpvi_bt.watch.dry_page", str(tmp_path / "tree.yaml"), str(folder)]
+    command = [sys.executable, "-m", "mpvi_bt.apps.watch.dry_page", str(tmp_path / "tree.yaml"), str(folder)]
     done = subprocess.run(
         command, input=json.dumps(TREE) + "\n", capture_output=True, text=True, check=True, timeout=60
     )

@@ -12,20 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.drawing.endings import ENDED, ended
-from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
-from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.recording.path_picture import PathPicture, path_picture
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.robot.r1 import R1
+from mpvi_bt.executive.drawing.endings import ENDED, ended
+from mpvi_bt.executive.ticking.goal_report import GoalCondition, GoalReport
+from mpvi_bt.executive.ticking.live import LiveTree
+from mpvi_bt.executive.ticking.loop import Outcome, Subscriber, Watcher, World, run_episode
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.html import trace_page
+from mpvi_bt.executive.trace.read import Trace, read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.substitute import load_rules, stand_ins
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.runs.recording.path_picture import PathPicture, path_picture
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.html import trace_page
-from mpvi_bt.trace.read import Trace, read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.substitute import load_rules, stand_ins
 from tests.conftest import Shell
 from tests.navigation_maps import two_rooms
 from tests.test_recorders import SKILLS, SPEC

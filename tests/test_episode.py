@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode import episode
-from mpvi_bt.episode.result import Result
-from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode import episode
+from mpvi_bt.runs.episode.result import Result
 
 CONFIG = EpisodeConfig("picking_up_trash", checker="oracle")
 
@@ -95,7 +95,16 @@ def test_faults_and_latency_are_the_same_each_time(tmp_path: Path) -> None:
 @pytest.mark.render
 def test_a_result_does_not_hang_on_how_python_hashes(tmp_path: Path) -> None:
     """Two processes that order their sets in different ways give the same episode of the policy that sees."""
-    command = [sys.executable, "-m", "mpvi_bt.cli", "run", "picking_up_trash", "--policy", "reactive", "--no-watch"]
+    command = [
+        sys.executable,
+        "-m",
+        "mpvi_bt.apps.cli",
+        "run",
+        "picking_up_trash",
+        "--policy",
+        "reactive",
+        "--no-watch",
+    ]
     running = [
         subprocess.Popen([*command, "--out", tmp_path / seed], env={**os.environ, "PYTHONHASHSEED": seed})
         for seed in ("1", "2")
@@ -123,10 +132,10 @@ def test_a_result_is_complete_and_names_what_it_used(twice: tuple[dict[str, Any]
 
 ALONE = """
 import json, sys
-from mpvi_bt.errors import NoRenderingDevice
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode import episode
-from mpvi_bt.executive.loop import Watcher
+from mpvi_bt.ground.errors import NoRenderingDevice
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode import episode
+from mpvi_bt.executive.ticking.loop import Watcher
 
 class Enough(Watcher):
     def step(self, tree, world):

@@ -15,14 +15,14 @@ from click.testing import CliRunner
 from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.evaluate_server import evaluate as command
-from mpvi_bt.episode.episode import run
-from mpvi_bt.errors import PolicyError, UserError
-from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.serving.evaluator import Evaluation, evaluate
-from mpvi_bt.serving.served import ServedWork, executive_server
+from mpvi_bt.apps.cli.evaluate_server import evaluate as command
+from mpvi_bt.executive.remote.codec import pack, unpack
+from mpvi_bt.ground.errors import PolicyError, UserError
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
+from mpvi_bt.runs.serving.evaluator import Evaluation, evaluate
+from mpvi_bt.runs.serving.served import ServedWork, executive_server
 from tests.driven import Acts, Ear
 from tests.serving import running
 

@@ -19,7 +19,7 @@ def _parameter(path: Path) -> object:
     marks = (
         [pytest.mark.rare, pytest.mark.slow, pytest.mark.render] if re.search(r"mpvi_bt\.(episode|run\()", text) else []
     )
-    if "mpvi_bt.maniskill" in text:
+    if "mpvi_bt.house.maniskill" in text:
         missing = importlib.util.find_spec("mani_skill") is None
         marks = [pytest.mark.rare, pytest.mark.slow, pytest.mark.skipif(missing, reason="needs ManiSkill")]
     return pytest.param(path, id=path.stem, marks=marks)

@@ -12,22 +12,22 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.context import Context
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.errors import BackendError, NodeError, PolicyError
-from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder as TraceRecorder
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.behaviors.context import Context
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.live import LiveTree
+from mpvi_bt.executive.ticking.loop import Outcome, Watcher, World, run_episode
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground.errors import BackendError, NodeError, PolicyError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.runs.recording.recorder import Recorder as TraceRecorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)

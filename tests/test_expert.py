@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from mpvi_bt.goals.predicates import inside, nextto, ontop, under
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.manipulation.policies.scripted_policy import Performance
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies.scripted_policy import Performance
+from mpvi_bt.house.goals.predicates import inside, nextto, ontop, under
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.testing import check_policy
 from tests.small_house import placed, small_world
 

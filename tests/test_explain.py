@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from mpvi_bt.drawing.cells import columns
-from mpvi_bt.errors import NodeError
-from mpvi_bt.trace.diff import Difference, diff, difference_text
-from mpvi_bt.trace.explain import Explanation, Link, explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.read import Trace, read_trace
-from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
+from mpvi_bt.executive.drawing.cells import columns
+from mpvi_bt.executive.trace.diff import Difference, diff, difference_text
+from mpvi_bt.executive.trace.explain import Explanation, Link, explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.read import Trace, read_trace
+from mpvi_bt.executive.tree.yaml_io import from_expanded, parse_tree
+from mpvi_bt.ground.errors import NodeError
 from tests.test_trace import FETCH, At, Capture, episode, roots
 
 TAKE = "fetch/get the cup/timeout"

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mpvi_bt.errors import DetectorError
-from mpvi_bt.navigation.exploring import ExploringNavigator
-from mpvi_bt.navigation.goals import Handoff, distance_to
-from mpvi_bt.navigation.lookout import Lookout
-from mpvi_bt.perception.detector import Detection, Detector, GuardedDetector
-from mpvi_bt.protocols import Progress, Report, StepClock
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
-from mpvi_bt.scene.discovery import Discoveries
-from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
-from mpvi_bt.scene.occupancy import Occupancy
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.scene.visibility import VisibilityMap
+from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
+from mpvi_bt.finding.navigation.exploring import ExploringNavigator
+from mpvi_bt.finding.navigation.goals import Handoff, distance_to
+from mpvi_bt.finding.navigation.lookout import Lookout
+from mpvi_bt.finding.perception.detector import Detection, Detector, GuardedDetector
+from mpvi_bt.finding.scene.discovery import Discoveries
+from mpvi_bt.finding.scene.occupancy import Occupancy
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.finding.scene.visibility import VisibilityMap
+from mpvi_bt.ground.errors import DetectorError
+from mpvi_bt.ground.protocols import Progress, Report, StepClock
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.hands.robots import r1
 from tests.depth_pictures import Box, picture, walls
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
@@ -333,7 +333,7 @@ def test_who_carries_one_looks_for_another() -> None:
 
 def test_who_carries_the_only_one_does_not_look_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     """It may have the other one in hand already."""
-    monkeypatch.setattr("mpvi_bt.navigation.exploring._OTHER_S", 5.0)
+    monkeypatch.setattr("mpvi_bt.finding.navigation.exploring._OTHER_S", 5.0)
     grid_map, boxes = house()
     robot = Laden(1.0, 2.0, 3.0, boxes)
     robot.carried = Entry("cup #9", ("cup",), "object", np.zeros(3), np.ones(3), source="boxes", held=True)
@@ -343,7 +343,7 @@ def test_who_carries_the_only_one_does_not_look_for_ever(monkeypatch: pytest.Mon
 
 def test_who_left_one_lying_looks_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
     """It finds the one in the other room; where there is none it goes back to the one that it left, after a while."""
-    monkeypatch.setattr("mpvi_bt.navigation.exploring._OTHER_S", 30.0)
+    monkeypatch.setattr("mpvi_bt.finding.navigation.exploring._OTHER_S", 30.0)
     left = thing("cup #9", (1.0, 0.5, 0.06), (0.1, 0.1, 0.12))
     left.phrases = ("cup",)
     for others, another in (((CUP,), CUP), ((), left)):

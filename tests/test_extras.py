@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import __version__
-from mpvi_bt.extras import install
+from mpvi_bt.ground.extras import install
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mpvi_bt
-from mpvi_bt import paths
-from mpvi_bt.cli.group import run as main
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.goals.formula import All, Exactly, Formula, Literal, Not, Pairs, Some, can_hold, holds
-from mpvi_bt.instances.feasible import why_impossible
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
-from mpvi_bt.things.fitting_inside import not_inside
+from mpvi_bt.apps.cli.group import run as main
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems
+from mpvi_bt.house.goals.formula import All, Exactly, Formula, Literal, Not, Pairs, Some, can_hold, holds
+from mpvi_bt.house.instances.feasible import why_impossible
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.things.catalogue import CatalogueEntry, load_catalogue
+from mpvi_bt.house.things.fitting_inside import not_inside
 
 
 def made(name: str, family: str, mass_kg: float | None = 0.3, **shape: Any) -> CatalogueEntry:
@@ -47,7 +47,7 @@ def letter_box() -> Any:
     """What is hollow in the letter box is a volume."""
     from dataclasses import replace
 
-    from mpvi_bt.robot.solids import box
+    from mpvi_bt.ground.geometry.solids import box
 
     root = LETTER_BOX.description.root
     description = LETTER_BOX.description

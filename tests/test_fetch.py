@@ -11,26 +11,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode import episode
-from mpvi_bt.episode.prepare import prepare_episode
-from mpvi_bt.errors import BackendError, UnknownName, UserError
-from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.grid import shortest_path
-from mpvi_bt.navigation.loaded import loaded_path
-from mpvi_bt.navigation.pursuit import PathFollower
-from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body
-from mpvi_bt.robot.drives import legs
-from mpvi_bt.robot.fetch import FETCH
-from mpvi_bt.robot.fetch_urdf import fetch_urdf
-from mpvi_bt.robot.limits import extremes
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.navigation.footprint import Footprint
+from mpvi_bt.finding.navigation.grid import shortest_path
+from mpvi_bt.finding.navigation.loaded import loaded_path
+from mpvi_bt.finding.navigation.pursuit import PathFollower
+from mpvi_bt.finding.navigation.traversability import traversability
+from mpvi_bt.ground.errors import BackendError, UnknownName, UserError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.robot.collision import Body
+from mpvi_bt.ground.robot.drives import legs
+from mpvi_bt.ground.robot.limits import extremes
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.hands.robots.fetch import FETCH
+from mpvi_bt.hands.robots.fetch_urdf import fetch_urdf
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode import episode
+from mpvi_bt.runs.episode.prepare import prepare_episode
 from mpvi_bt.testing import check_robot
 from tests.navigation_maps import KinematicRobot, two_rooms
 from tests.small_house import placed, small_world
@@ -199,9 +199,9 @@ def test_what_it_cannot_do_is_refused_in_one_line() -> None:
 
 def test_two_hands_are_refused() -> None:
     """A tree with a skill of both hands is not for it."""
-    from mpvi_bt.episode.doers import check_hands
-    from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.tree.compile import compile_instruction
+    from mpvi_bt.executive.plan.skills import load_skills
+    from mpvi_bt.executive.tree.compile import compile_instruction
+    from mpvi_bt.runs.episode.doers import check_hands
 
     spec = compile_instruction("both", "lift the box with both hands")
     with pytest.raises(UserError, match=r"takes two hands \(skill lift\); fetch has one"):

@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.scene.field import CELL_M, Field, FineField, View, distance_to
+from mpvi_bt.finding.scene.field import CELL_M, Field, FineField, View, distance_to
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.protocol import CameraImage
 
 SIZE = (120, 160)
 K = np.array([[130.0, 0, 80], [0, 130.0, 60], [0, 0, 1]])

@@ -11,20 +11,20 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from mpvi_bt import paths
-from mpvi_bt.choices.methods import load_method
-from mpvi_bt.cli import COMMANDS
-from mpvi_bt.cli.check import check
-from mpvi_bt.episode.result import Result
-from mpvi_bt.episode.saved_episode import SavedEpisode, load_saved
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.file_kinds import KINDS
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.plan.schema import load_plan
-from mpvi_bt.plan.skills import load_skill
-from mpvi_bt.suite.suites import load_suite
-from mpvi_bt.tree.substitute import load_rules
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.apps.cli import COMMANDS
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.executive.plan.schema import load_plan
+from mpvi_bt.executive.plan.skills import load_skill
+from mpvi_bt.executive.tree.substitute import load_rules
+from mpvi_bt.executive.tree.yaml_io import load_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems
+from mpvi_bt.ground.file_kinds import KINDS
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.methods import load_method
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.episode.saved_episode import SavedEpisode, load_saved
+from mpvi_bt.runs.suite.suites import load_suite
 
 ROOT = paths.shipped()
 RULES = 'substitute:\n  - nodes: "*/say"\n    succeed:\n'

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.scene.frames import Frame
-from mpvi_bt.scene.several_views import View, fitted
+from mpvi_bt.finding.scene.frames import Frame
+from mpvi_bt.finding.scene.several_views import View, fitted
+from mpvi_bt.ground.robot.protocol import CameraImage
 
 _PX = 40
 

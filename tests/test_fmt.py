@@ -12,14 +12,14 @@ from click.testing import CliRunner, Result
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.cli.fmt import fmt
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.tree.comments import comments_of, texts_of
-from mpvi_bt.tree.formatting import formatted
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.apps.cli.fmt import fmt
+from mpvi_bt.executive.tree.comments import comments_of, texts_of
+from mpvi_bt.executive.tree.formatting import formatted
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems
+from mpvi_bt.ground.marked_yaml import parse_marked
 from tests.tree_strategies import trees
 
 TREES = sorted((paths.shipped() / "trees").glob("*.yaml"))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.frames import take
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene.frames import take
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception
+from mpvi_bt.hands.robots import r1
 
 THING = np.s_[20:40, 30:50]
 SHIFT_PX = 1

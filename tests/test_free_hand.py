@@ -7,11 +7,11 @@ from typing import Any, cast
 
 import pytest
 
-from mpvi_bt.manipulation.motion.work import Words, Work
-from mpvi_bt.manipulation.skills import free_hand
-from mpvi_bt.manipulation.skills.free_hand import with_a_free_hand
-from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.ground.robot.motion import Actions, MotionFailure
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.work import Words, Work
+from mpvi_bt.hands.skills import free_hand
+from mpvi_bt.hands.skills.free_hand import with_a_free_hand
 
 
 class Hands:

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mpvi_bt.navigation.frontiers import frontier, nearest_frontier
-from mpvi_bt.navigation.grid import shortest_path
+from mpvi_bt.finding.navigation.frontiers import frontier, nearest_frontier
+from mpvi_bt.finding.navigation.grid import shortest_path
 from tests.test_navigation_grid import dijkstra, grids
 
 SEEDS = st.integers(0, 2**32 - 1)

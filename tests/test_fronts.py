@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.shapes.fronts import fronts
-from mpvi_bt.shapes.moving_parts import Door, moved
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.shapes.fronts import fronts
+from mpvi_bt.finding.shapes.moving_parts import Door, moved
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.house.sim.world import World
 from tests.small_house import small_world
 
 EYE, OUTDOORS = np.array([-0.1, 0.25, 1.3]), np.array([-1.7, 0.25, 1.3])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.shapes.fit import fit
-from mpvi_bt.shapes.furniture_shape import furniture
+from mpvi_bt.finding.shapes.fit import fit
+from mpvi_bt.finding.shapes.furniture_shape import furniture
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
 
 DEPTH, WIDTH, TOP, BOARD = 0.56, 0.58, 0.86, 0.48
 THICK_M, GRAIN_M = 0.02, 0.008

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.rules.cutting import Cuttable
-from mpvi_bt.sim.future import future
-from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.house.rules.cutting import Cuttable
+from mpvi_bt.house.sim.future import future
+from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry
 
 PIECE = {"kind": "box", "at": [0, 0, 0.02], "size_m": [0.04, 0.04, 0.04]}
 CUBE: dict[str, Any] = {"color": "#ffffff", "pieces": [PIECE]}

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
-from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.compile import prompts_of
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
+from mpvi_bt.hands.policies.reactive import ReactivePolicy
+from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.testing import KinematicRobot, check_policy
-from mpvi_bt.tree.compile import prompts_of
 from tests.serving import observation
 from tests.small_house import placed, small_world
 

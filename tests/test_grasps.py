@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.stance.grasps import Grasp, grasps
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.kinematics import hand_rotation
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, Solid, box, pose
-from mpvi_bt.scene.scene import Scene
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.moving_parts import Bar
-from mpvi_bt.sim.builder import Thing
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.scene.scene import Scene
+from mpvi_bt.finding.shapes.moving_parts import Bar
+from mpvi_bt.ground.geometry.kinematics import hand_rotation
+from mpvi_bt.ground.geometry.solids import Array, Solid, box, pose
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.stance.grasps import Grasp, grasps
+from mpvi_bt.house.sim.builder import Thing
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 
 THINGS = ["can_of_soda", "bottle", "box_of_oatmeal", "carton_of_milk", "candle", "tennis_ball", "trash_can"]

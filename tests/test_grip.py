@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.grip import GripWatch
-from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.grip import GripWatch
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.hands.robots import r1
 from mpvi_bt.testing import KinematicRobot
 
 REST = KinematicRobot().proprioception()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.grip import GripWatch
-from mpvi_bt.robot.protocol import CONTROL_HZ, EMPTY_M, ActionLayout
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.ground.robot.grip import GripWatch
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, ActionLayout
+from mpvi_bt.house.sim.world import World
 from tests.small_house import placed, small_world
 
 SOON_S = 0.5

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import DetectorError
-from mpvi_bt.extras import install
-from mpvi_bt.perception.detector import ROBOT, GuardedDetector
-from mpvi_bt.perception.grounding_dino import MODEL, GroundingDinoDetector, prompt
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.finding.perception.detector import ROBOT, GuardedDetector
+from mpvi_bt.finding.perception.grounding_dino import MODEL, GroundingDinoDetector, prompt
+from mpvi_bt.ground.errors import DetectorError
+from mpvi_bt.ground.extras import install
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.testing import check_detector
 from tests.tiny_grounding_dino import WORDS, write_tiny
 
@@ -196,8 +196,8 @@ def test_a_folder_without_a_model_is_refused(tmp_path: Path, folder: Path) -> No
 def test_without_a_network_it_says_what_to_do() -> None:
     """The default model is at a hub: where that cannot be reached the message says how to bring it here."""
     code = (
-        "from mpvi_bt.errors import DetectorError\n"
-        "from mpvi_bt.perception.grounding_dino import GroundingDinoDetector\n"
+        "from mpvi_bt.ground.errors import DetectorError\n"
+        "from mpvi_bt.finding.perception.grounding_dino import GroundingDinoDetector\n"
         "try:\n    GroundingDinoDetector()\n"
         "except DetectorError as error:\n    print(error.reason, error)\n"
     )

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from mpvi_bt.watch.edited_tree import Edited
-from mpvi_bt.watch.guard import PageGuard
-from mpvi_bt.watch.watched_run import WatchedRun
-from mpvi_bt.watch.watched_suite import WatchedSuite
+from mpvi_bt.apps.watch.edited_tree import Edited
+from mpvi_bt.apps.watch.guard import PageGuard
+from mpvi_bt.apps.watch.watched_run import WatchedRun
+from mpvi_bt.apps.watch.watched_suite import WatchedSuite
 from tests.test_watch import TREE, run_of
 
 HERE = "http://127.0.0.1:80"

@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.skills.hand_over import takes
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Load
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Solid
-from mpvi_bt.scene.held import Held
-from mpvi_bt.scene.in_hand import InHand
-from mpvi_bt.scene.seen import Seen
-from mpvi_bt.scene.thing import SeenThing
-from mpvi_bt.shapes.shape import Shape
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.in_hand import InHand
+from mpvi_bt.finding.scene.seen import Seen
+from mpvi_bt.finding.scene.thing import SeenThing
+from mpvi_bt.finding.shapes.shape import Shape
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Solid
+from mpvi_bt.ground.robot.collision import Load
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills.hand_over import takes
 from tests.small_house import small_world
 
 

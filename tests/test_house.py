@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt, label
 
-from mpvi_bt.errors import FileProblems, UnknownName
-from mpvi_bt.house.house import House, load_house
-from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.house.rooms import PANEL_M, Doorway, Room, walls
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.ground.errors import FileProblems, UnknownName
+from mpvi_bt.house.layout.house import House, load_house
+from mpvi_bt.house.layout.prior_map import prior_map
+from mpvi_bt.house.layout.rooms import PANEL_M, Doorway, Room, walls
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 # Fixtures that the 50 challenge tasks name: synset, room, how many at least. An exact count is one that a goal's
 # wildcard multiplies with (`cabinet.n.01_*`), so that more would change what the goal asks.

@@ -18,14 +18,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.references import escaped
-from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.drawing.symbols import standing
-from mpvi_bt.trace import html
-from mpvi_bt.trace.html import embedded, trace_page, tree_page
-from mpvi_bt.trace.read import Trace, read_trace
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import expanded, parse_tree
+from mpvi_bt.executive.behaviors.references import escaped
+from mpvi_bt.executive.drawing.cells import one_line
+from mpvi_bt.executive.drawing.symbols import standing
+from mpvi_bt.executive.trace import html
+from mpvi_bt.executive.trace.html import embedded, trace_page, tree_page
+from mpvi_bt.executive.trace.read import Trace, read_trace
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.yaml_io import expanded, parse_tree
 from tests.test_render import SMALL
 
 PLAYBACK = Path(html.__file__).parent / "page" / "playback.js"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import box
-from mpvi_bt.scene.seen import Seen
-from mpvi_bt.shapes.in_part import in_part
-from mpvi_bt.shapes.shape import Shape
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene.seen import Seen
+from mpvi_bt.finding.shapes.in_part import in_part
+from mpvi_bt.finding.shapes.shape import Shape
+from mpvi_bt.ground.geometry.solids import box
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.house.sim.world import World
 from tests.small_house import run, small_world
 
 pytestmark = pytest.mark.render

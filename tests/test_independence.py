@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.suite.processes import ProcessEngine
-from mpvi_bt.suite.ray_engine import RayEngine
-from mpvi_bt.suite.runner import Engine, run_suite
-from mpvi_bt.suite.store import Store
+from mpvi_bt.ground import paths
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.suite.processes import ProcessEngine
+from mpvi_bt.runs.suite.ray_engine import RayEngine
+from mpvi_bt.runs.suite.runner import Engine, run_suite
+from mpvi_bt.runs.suite.store import Store
 from tests.suite_runs import Heard, without_wall
 
 

@@ -11,30 +11,30 @@ from typing import cast
 import numpy as np
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.prepare import check_episode
-from mpvi_bt.errors import UserError
-from mpvi_bt.goals.evaluate import early, unmet
-from mpvi_bt.goals.predicates import truth_in
-from mpvi_bt.house.boards import MovableForm
-from mpvi_bt.house.ground import standing_room
-from mpvi_bt.house.house import load_house
-from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.instances import instances
-from mpvi_bt.instances.instances import _with_room, begin, expanded_problem, faults, settled
-from mpvi_bt.instances.sampling import Start, sample
-from mpvi_bt.instances.splits import HIDDEN_SEED, generator, hidden_seed
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.fetch import FETCH
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.sim.world import World
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase
+from mpvi_bt.finding.navigation.footprint import Footprint
+from mpvi_bt.finding.navigation.traversability import traversability
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.hands.robots.fetch import FETCH
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.house.goals.evaluate import early, unmet
+from mpvi_bt.house.goals.predicates import truth_in
+from mpvi_bt.house.instances import instances
+from mpvi_bt.house.instances.instances import _with_room, begin, expanded_problem, faults, settled
+from mpvi_bt.house.instances.sampling import Start, sample
+from mpvi_bt.house.instances.splits import HIDDEN_SEED, generator, hidden_seed
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.boards import MovableForm
+from mpvi_bt.house.layout.ground import standing_room
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.prior_map import prior_map
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.prepare import check_episode
 
 HOUSE, CATALOGUE = load_house(), load_catalogue()
 TASK = load_task("picking_up_trash")

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from mpvi_bt.choices.lateness import LateChecker
-from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
-from mpvi_bt.errors import BackendError, NodeError
-from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
-from mpvi_bt.monitors.alarms import Alarms
-from mpvi_bt.monitors.calibration import Calibration, SkillThresholds
-from mpvi_bt.monitors.signals import SIGNALS
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.monitors.alarms import Alarms
+from mpvi_bt.executive.monitors.calibration import Calibration, SkillThresholds
+from mpvi_bt.executive.monitors.signals import SIGNALS
+from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.ground.errors import BackendError, NodeError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.runs.choices.lateness import LateChecker
+from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.testing import StraightNavigator
 from tests.bench import HELD, PICK, PLACES, Bench
 

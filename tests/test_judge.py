@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.completion.judge import FATAL, LONGEST_PX, LanguageChecker, png, question
-from mpvi_bt.cost import Cost
-from mpvi_bt.errors import ModelError
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.language.chat import Answer
-from mpvi_bt.language.scripted_model import ScriptedChatModel
-from mpvi_bt.protocols import TriggerEvent
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.executive.completion.judge import FATAL, LONGEST_PX, LanguageChecker, png, question
+from mpvi_bt.executive.language.chat import Answer
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.ground.cost import Cost
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.ground.protocols import TriggerEvent
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.testing import KinematicRobot, check_checker
 from tests.bench import HELD, PICK, Bench
 

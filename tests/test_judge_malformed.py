@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from mpvi_bt.completion.judge import LanguageChecker, question
-from mpvi_bt.language.chat import Answer
-from mpvi_bt.language.scripted_model import ScriptedChatModel
-from mpvi_bt.language.verdict import parse_yes_no
+from mpvi_bt.executive.completion.judge import LanguageChecker, question
+from mpvi_bt.executive.language.chat import Answer
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.language.verdict import parse_yes_no
 from mpvi_bt.testing import KinematicRobot
 
 PICTURE = KinematicRobot().look("head")

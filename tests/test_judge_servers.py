@@ -13,22 +13,22 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from mpvi_bt.choices.backends import choose
-from mpvi_bt.choices.checkers import make_checker
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.language_models import Models
-from mpvi_bt.completion.judge import LanguageChecker, png
-from mpvi_bt.episode.queries import count_queries, queries_text
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.language.exchanges import KeptModel
-from mpvi_bt.language.openai import OpenAIModel
-from mpvi_bt.protocols import TriggerEvent
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.executive.completion.judge import LanguageChecker, png
+from mpvi_bt.executive.language.exchanges import KeptModel
+from mpvi_bt.executive.language.openai import OpenAIModel
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.ground.protocols import TriggerEvent
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.runs.choices.backends import choose
+from mpvi_bt.runs.choices.checkers import make_checker
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.language_models import Models
+from mpvi_bt.runs.episode.queries import count_queries, queries_text
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicRobot
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.read import read_trace
 from tests.bench import HELD, PICK, Bench
 from tests.chat_servers import ChatServer, Reply, completion, failure, free_port
 

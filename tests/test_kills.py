@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.episode.result import read_result
-from mpvi_bt.suite.store import Store
-from mpvi_bt.suite.suites import load_suite
+from mpvi_bt.runs.episode.result import read_result
+from mpvi_bt.runs.suite.store import Store
+from mpvi_bt.runs.suite.suites import load_suite
 from tests.fake_episodes import fake_result
 from tests.suite_runs import EPISODES, launch, running, started, wait_until
 

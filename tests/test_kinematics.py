@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.arms import posture_distance
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.arms import posture_distance
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 
 MIRROR = np.diag([1.0, -1.0, 1.0])  # in the xz plane
 

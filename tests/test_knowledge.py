@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.perception.phrases import normalize
-from mpvi_bt.scene.belief import Belief
-from mpvi_bt.scene.knowledge import LIKELY, Entry, KnowledgeBase, contents, laid_down
+from mpvi_bt.executive.plan.knowledge import LIKELY, Entry, KnowledgeBase, contents, laid_down
+from mpvi_bt.finding.scene.belief import Belief
+from mpvi_bt.ground.words.phrases import normalize
 from tests.navigation_maps import thing
 
 

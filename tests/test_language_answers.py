@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.language.json_answer import MOST_CHARACTERS, parse_json
-from mpvi_bt.language.thinking import spoken
+from mpvi_bt.executive.language.json_answer import MOST_CHARACTERS, parse_json
+from mpvi_bt.executive.language.thinking import spoken
 
 PLAN = {"task": "t", "segments": [{"say": 'a "quoted" {brace}', "n": 1.5}, {"say": None}]}
 TEXT = json.dumps(PLAN, indent=1)

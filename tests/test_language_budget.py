@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.errors import ModelError
-from mpvi_bt.language.budget import Budget, BudgetedModel, Spent
-from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.exchanges import KeptModel
-from mpvi_bt.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.language.budget import Budget, BudgetedModel, Spent
+from mpvi_bt.executive.language.chat import Answer, Message
+from mpvi_bt.executive.language.exchanges import KeptModel
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.ground.errors import ModelError
 
 ASK = [Message("user", "Is the cup held?")]
 
@@ -114,10 +114,10 @@ def test_a_broken_ledger_stops_spending(tmp_path: Path, text: str) -> None:
 WORKER = """
 import sys
 from pathlib import Path
-from mpvi_bt.errors import ModelError
-from mpvi_bt.language.budget import Budget, BudgetedModel
-from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.scripted_model import ScriptedChatModel
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.executive.language.budget import Budget, BudgetedModel
+from mpvi_bt.executive.language.chat import Answer, Message
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
 inner = ScriptedChatModel(lambda messages: Answer("yes", "tiny", 0.0, 3, 1))
 model = BudgetedModel(inner, [Budget("suite", calls=40, ledger=Path(sys.argv[1]))])
 try:

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig, SuiteBudget
-from mpvi_bt.choices.language_models import Models, check_language_choice, language_doubts
-from mpvi_bt.cli import doctor
-from mpvi_bt.cli.run import _OF_THIS_RUN
-from mpvi_bt.errors import ModelError, UserError
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.endpoint import EXPOSED, find_endpoint, split_address
+from mpvi_bt.apps.cli import doctor
+from mpvi_bt.apps.cli.run import _OF_THIS_RUN
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.endpoint import EXPOSED, find_endpoint, split_address
+from mpvi_bt.ground.errors import ModelError, UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig, SuiteBudget
+from mpvi_bt.runs.choices.language_models import Models, check_language_choice, language_doubts
 from tests.chat_servers import ChatServer, completion, failure
 
 pytest.importorskip("openai")
@@ -242,7 +242,7 @@ def test_no_secret_is_on_the_screen_or_in_files(
 
 def test_resumed_runs_are_asked_as_this_one_says() -> None:
     """Where answers are kept and what they may cost is of the run, not of the episode that it goes on with."""
-    from mpvi_bt.cli.run import run
+    from mpvi_bt.apps.cli.run import run
 
     names = {parameter.name for parameter in run.params}
     assert {"exchanges", "offline", "calls", "tokens"} <= names & set(_OF_THIS_RUN)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import mpvi_bt
-from mpvi_bt.language.exchanges import _FINAL, _PASSING
+from mpvi_bt.executive.language.exchanges import _FINAL, _PASSING
 
 PACKAGE = Path(mpvi_bt.__file__).parent
 PAGE = (PACKAGE.parent / "docs" / "language.md").read_text()

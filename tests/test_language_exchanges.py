@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.errors import ModelError, UserError
-from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.exchanges import KeptModel, check_folder
-from mpvi_bt.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.language.chat import Answer, Message
+from mpvi_bt.executive.language.exchanges import KeptModel, check_folder
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.ground.errors import ModelError, UserError
 
 PNG = b"\x89PNG some picture"
 ASK = [Message("system", "Be brief."), Message("user", "Is the cup held?", PNG)]
@@ -183,9 +183,9 @@ def test_threads_agree(tmp_path: Path) -> None:
 WORKER = """
 import sys
 from pathlib import Path
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.exchanges import KeptModel
-from mpvi_bt.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.exchanges import KeptModel
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
 inner = ScriptedChatModel(lambda messages: f"{sys.argv[2]} says {messages[0].text}" + "x" * 5000)
 model = KeptModel("openai:tiny", "tiny", Path(sys.argv[1]), inner)
 for i in range(25):

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.completion.judge import LanguageChecker
-from mpvi_bt.errors import ModelError
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.openai import OpenAIModel
+from mpvi_bt.executive.completion.judge import LanguageChecker
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.openai import OpenAIModel
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.ground.errors import ModelError
 from mpvi_bt.testing import KinematicRobot
 from tests.bench import HELD
 from tests.chat_servers import ChatServer, Reply, completion, failure

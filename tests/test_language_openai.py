@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.errors import ModelError
-from mpvi_bt.extras import install
-from mpvi_bt.language import openai as module
-from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.openai import OpenAIModel
+from mpvi_bt.executive.language import openai as module
+from mpvi_bt.executive.language.chat import Answer, Message
+from mpvi_bt.executive.language.openai import OpenAIModel
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.ground.extras import install
 from tests.chat_servers import ChatServer, Reply, completion, failure, free_port
 
 pytest.importorskip("openai")

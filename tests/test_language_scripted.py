@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.errors import ModelError
-from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.language.chat import Answer, Message
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.ground.errors import ModelError
 
 ASK = [Message("system", "Be brief."), Message("user", "Is it open?", b"png")]
 

@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.errors import ModelError
-from mpvi_bt.language.budget import Budget, BudgetedModel
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.endpoint import find_endpoint
-from mpvi_bt.language.exchanges import KeptModel
-from mpvi_bt.language.openai import OpenAIModel
-from mpvi_bt.language.secrets import HIDDEN, Secrets
+from mpvi_bt.executive.language.budget import Budget, BudgetedModel
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.endpoint import find_endpoint
+from mpvi_bt.executive.language.exchanges import KeptModel
+from mpvi_bt.executive.language.openai import OpenAIModel
+from mpvi_bt.executive.language.secrets import HIDDEN, Secrets
+from mpvi_bt.ground.errors import ModelError
 from tests.chat_servers import ChatServer, Reply, completion, failure, free_port
 
 pytest.importorskip("openai")
@@ -226,9 +226,9 @@ def test_keys_that_cannot_be_sent_are_not_quoted(monkeypatch: pytest.MonkeyPatch
 
 
 CODE = """
-from mpvi_bt.errors import ModelError
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.openai import OpenAIModel
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.openai import OpenAIModel
 model = OpenAIModel("tiny", retries=1)
 for text in ("one", "two"):
     try:

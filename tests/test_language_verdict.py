@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.language.verdict import LONGEST, parse_yes_no
+from mpvi_bt.executive.language.verdict import LONGEST, parse_yes_no
 
 MANY = 500
 

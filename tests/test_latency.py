@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.context import Log, Query, Replan
-from mpvi_bt.disturbances.answer_times import TimedPolicy, measured_times
-from mpvi_bt.disturbances.late_policy import LatePolicy
-from mpvi_bt.disturbances.latency import LONGEST_S, PARTS, Latency, in_steps, read_latencies
-from mpvi_bt.errors import UserError
-from mpvi_bt.protocols import Policy
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.behaviors.context import Log, Query, Replan
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception
+from mpvi_bt.runs.disturbances.answer_times import TimedPolicy, measured_times
+from mpvi_bt.runs.disturbances.late_policy import LatePolicy
+from mpvi_bt.runs.disturbances.latency import LONGEST_S, PARTS, Latency, in_steps, read_latencies
 
 BODY = Proprioception(
     base_pose=np.zeros(3),

@@ -6,18 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.executive.dry import EmptyWorld, dry_context
-from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.executive.replanning import Replanner
-from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.plan.history import History, Unit
-from mpvi_bt.plan.later import LaterPlanner
-from mpvi_bt.plan.planners import NoPlan, RecordedPlanner
-from mpvi_bt.plan.primitives import units
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan, prompts_of
-from mpvi_bt.tree.substitute import check_rules, stand_ins
+from mpvi_bt.executive.plan.history import History, Unit
+from mpvi_bt.executive.plan.later import LaterPlanner
+from mpvi_bt.executive.plan.planners import NoPlan, RecordedPlanner
+from mpvi_bt.executive.plan.primitives import units
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context
+from mpvi_bt.executive.ticking.loop import Outcome, run_episode
+from mpvi_bt.executive.ticking.replanning import Replanner
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan, prompts_of
+from mpvi_bt.executive.tree.substitute import check_rules, stand_ins
+from mpvi_bt.ground.marked_yaml import parse_marked
 from tests.test_replan import plan
 
 SKILLS = load_skills()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.solids import Array, bounds
-from mpvi_bt.shapes.layers import layers
+from mpvi_bt.finding.shapes.layers import layers
+from mpvi_bt.ground.geometry.solids import Array, bounds
 
 TRUNK_M, CROWN_M = 0.1, 0.6  # radii
 CROWN_Z = 1.6

@@ -14,19 +14,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import UserError
-from mpvi_bt.learned import mirroring
-from mpvi_bt.learned.acting import chunk
-from mpvi_bt.learned.demonstration import Demonstration
-from mpvi_bt.learned.features import WAYPOINT, WAYPOINT_SIZE, WAYPOINTS, TargetFrame, bases, hand_at
-from mpvi_bt.learned.learned_hand import LearnedHand
-from mpvi_bt.learned.network import Networks, Weights
-from mpvi_bt.learned.points import PointMemory
-from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import ActionLayout, CameraImage
-from mpvi_bt.robot.r1 import R1, TRAVEL_TORSO
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import ActionLayout, CameraImage
+from mpvi_bt.hands.learned import mirroring
+from mpvi_bt.hands.learned.acting import chunk
+from mpvi_bt.hands.learned.demonstration import Demonstration
+from mpvi_bt.hands.learned.features import WAYPOINT, WAYPOINT_SIZE, WAYPOINTS, TargetFrame, bases, hand_at
+from mpvi_bt.hands.learned.learned_hand import LearnedHand
+from mpvi_bt.hands.learned.network import Networks, Weights
+from mpvi_bt.hands.learned.points import PointMemory
+from mpvi_bt.hands.learned.policy import WEIGHTS, LearnedPolicy
+from mpvi_bt.hands.robots.r1 import R1, TRAVEL_TORSO
 from mpvi_bt.testing.contracts import check_policy
 from mpvi_bt.testing.doubles import KinematicRobot
 
@@ -147,7 +147,7 @@ def test_weights_with_a_hole_are_refused_in_one_line(tmp_path: Path):
 def test_weights_of_another_version_are_refused_with_both_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Features that changed since would make nonsense of them."""
     weights = Weights.load(WEIGHTS)
-    monkeypatch.setattr("mpvi_bt.learned.network.VERSION", 99)
+    monkeypatch.setattr("mpvi_bt.hands.learned.network.VERSION", 99)
     weights.save(tmp_path / "w.npz")
     monkeypatch.undo()
     with pytest.raises(UserError, match="version 99; this mpvi_bt runs version 1"):
@@ -265,8 +265,8 @@ def test_it_keeps_the_policy_contract():
 def test_it_runs_without_torch():
     """Torch is for training: importing and loading the policy does not import it."""
     code = (
-        "import sys; from mpvi_bt.learned.policy import LearnedPolicy, WEIGHTS; from mpvi_bt.learned.network import "
-        "Weights; Weights.load(WEIGHTS); sys.exit('torch' in sys.modules)"
+        "import sys; from mpvi_bt.hands.learned.policy import LearnedPolicy, WEIGHTS; "
+        "from mpvi_bt.hands.learned.network import Weights; Weights.load(WEIGHTS); sys.exit('torch' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

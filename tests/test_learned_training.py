@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpvi_bt.cli import main
-from mpvi_bt.errors import UserError
-from mpvi_bt.learned import training
-from mpvi_bt.learned.batches import Batches
-from mpvi_bt.learned.demonstration import Demonstration
-from mpvi_bt.learned.features import SCALE, WAYPOINTS
-from mpvi_bt.learned.mirroring import BODY, SIDE
-from mpvi_bt.learned.network import Networks, Weights
-from mpvi_bt.learned.training import Training, train
-from mpvi_bt.learned.training_set import read_frames
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.apps.cli import main
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.hands.learned import training
+from mpvi_bt.hands.learned.batches import Batches
+from mpvi_bt.hands.learned.demonstration import Demonstration
+from mpvi_bt.hands.learned.features import SCALE, WAYPOINTS
+from mpvi_bt.hands.learned.mirroring import BODY, SIDE
+from mpvi_bt.hands.learned.network import Networks, Weights
+from mpvi_bt.hands.learned.training import Training, train
+from mpvi_bt.hands.learned.training_set import read_frames
 
 STEPS, CLOSED = 120, 90
 

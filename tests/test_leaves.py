@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.skills.push_courses import pushes
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.shapes import open_leaves as leaves
-from mpvi_bt.shapes.fronts import fronts
-from mpvi_bt.shapes.moving_parts import moved
-from mpvi_bt.shapes.open_leaves import leaf, with_leaf, within_drawer
+from mpvi_bt.finding.shapes import open_leaves as leaves
+from mpvi_bt.finding.shapes.fronts import fronts
+from mpvi_bt.finding.shapes.moving_parts import moved
+from mpvi_bt.finding.shapes.open_leaves import leaf, with_leaf, within_drawer
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills.push_courses import pushes
 from tests.small_house import small_world
 from tests.test_fronts import EYE, FIXTURES, seen
 

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from mpvi_bt.goals.predicates import open_
-from mpvi_bt.manipulation.skills.bar_courses import swings
-from mpvi_bt.manipulation.skills.open import _rise_off
-from mpvi_bt.manipulation.skills.push_courses import pushes
-from mpvi_bt.manipulation.stance.grasps import grasps
-from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.moving_parts import lid, moved, outward
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.shapes.moving_parts import lid, moved, outward
+from mpvi_bt.ground.robot.motion import Actions, MotionFailure
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills.bar_courses import swings
+from mpvi_bt.hands.skills.open import _rise_off
+from mpvi_bt.hands.skills.push_courses import pushes
+from mpvi_bt.hands.stance.grasps import grasps
+from mpvi_bt.house.goals.predicates import open_
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 from tests.test_open import play, work_in
 

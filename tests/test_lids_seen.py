@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.skills.open import behind
-from mpvi_bt.robot.solids import Solid, pose
-from mpvi_bt.shapes.box_lids import lid
-from mpvi_bt.shapes.fit import fit
-from mpvi_bt.shapes.moving_parts import lid as is_lid
+from mpvi_bt.finding.shapes.box_lids import lid
+from mpvi_bt.finding.shapes.fit import fit
+from mpvi_bt.finding.shapes.moving_parts import lid as is_lid
+from mpvi_bt.ground.geometry.solids import Solid, pose
+from mpvi_bt.hands.skills.open import behind
 from tests.small_house import placed, small_world
 from tests.test_fronts import seen
 from tests.test_lids import DESK, lidded
@@ -91,5 +91,5 @@ def test_what_seems_to_be_nothing_but_a_lid_is_a_thing_all_the_same(monkeypatch:
     low, high = points.min(0), points.max(0)
     assert up is not None
     everything = Solid("box", (high - low) / 2 + 0.05, pose((low + high) / 2))
-    monkeypatch.setattr("mpvi_bt.shapes.fit.raised", lambda points, eye: replace(up, solids=(everything,)))
+    monkeypatch.setattr("mpvi_bt.finding.shapes.fit.raised", lambda points, eye: replace(up, solids=(everything,)))
     assert fit(points, TABLE, EYES[0]) is not None

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm, principal_axes
-from mpvi_bt.robot.rotations import angle, between, matrices, quaternion, rotation
+from mpvi_bt.ground.geometry.linear_algebra import least_squares, matmul, norm, principal_axes
+from mpvi_bt.ground.geometry.rotations import angle, between, matrices, quaternion, rotation
 
 seeds = st.integers(0, 2**32 - 1)
 SHAPES = [

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot import protocol
-from mpvi_bt.tree import lint
-from mpvi_bt.tree.yaml_io import load_tree, parse_tree
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import dry_tree, run_dry
+from mpvi_bt.executive.tree import lint
+from mpvi_bt.executive.tree.yaml_io import load_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.robot import protocol
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.planning import ground
 from tests.test_check import GOOD, of, run
 
 ROOT = paths.shipped()

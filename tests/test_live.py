@@ -11,14 +11,14 @@ import threading
 
 import pytest
 
-from mpvi_bt.drawing.symbols import MARKS, legend
-from mpvi_bt.drawing.text import LEGEND, ascii_tree, unicode_tree
-from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import run_episode
+from mpvi_bt.executive.drawing.symbols import MARKS, legend
+from mpvi_bt.executive.drawing.text import LEGEND, ascii_tree, unicode_tree
+from mpvi_bt.executive.ticking.live import LiveTree
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.state import NodeState
+from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.testing import KinematicWorld
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.yaml_io import parse_tree
 from tests.test_executive import SPEC, scene
 
 
@@ -70,7 +70,7 @@ def test_on_a_terminal_it_redraws_in_place(monkeypatch: pytest.MonkeyPatch) -> N
     """Each drawing lands on the one before and fits the screen; the last, the whole tree, is all that stays."""
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("LINES", "24")
-    monkeypatch.setattr("mpvi_bt.executive.live._REDRAWS_PER_S", 400.0)
+    monkeypatch.setattr("mpvi_bt.executive.ticking.live._REDRAWS_PER_S", 400.0)
     parent, child = pty.openpty()
     received: list[bytes] = []
 

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.language_models import Models
-from mpvi_bt.cli.group import run
-from mpvi_bt.errors import ModelError, UserError
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.local import LocalModel
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.local import LocalModel
+from mpvi_bt.ground.errors import ModelError, UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.language_models import Models
 from tests.conftest import Shell
 
 pytest.importorskip("openai")
@@ -113,8 +113,8 @@ def test_the_server_does_not_outlive_a_killed_run(model_file: Path) -> None:
     script = f"""
         import os, sys
         from pathlib import Path
-        from mpvi_bt.language.chat import Message
-        from mpvi_bt.language.local import LocalModel
+        from mpvi_bt.executive.language.chat import Message
+        from mpvi_bt.executive.language.local import LocalModel
         model = LocalModel("local", Path({str(model_file)!r}))
         print(model.ask([Message("user", "?")]).text, flush=True)
         os.kill(os.getpid(), 9)

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mpvi_bt.errors import DetectorError
-from mpvi_bt.perception.detector import Detection
-from mpvi_bt.perception.localize import locate, pixels
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.finding.perception.detector import Detection
+from mpvi_bt.finding.perception.localize import locate, pixels
+from mpvi_bt.ground.errors import DetectorError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage
 from tests.depth_pictures import Box, picture
 
 THING: Box = ((1.9, -0.1, 0.8), (2.1, 0.1, 1.1))  # before the robot, 20 cm wide and deep, 30 cm high

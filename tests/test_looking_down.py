@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.gaze import look_down, turn_to
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.drop import reach_over
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import Actions, Motion
-from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.motion import Actions, Motion
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.hands.motion.gaze import look_down, turn_to
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.hands.skills.drop import reach_over
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 HANDS: dict[Side, Array] = {  # T_base_tcp in which the r1pro carries a bin by its handle, and a can

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.house.sim.world import World
 from tests.small_house import placed, small_world
 
 

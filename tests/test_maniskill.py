@@ -22,19 +22,19 @@ from mani_skill.utils.wrappers.flatten import FlattenRGBDObservationWrapper
 from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
 from mani_skill.utils.wrappers.record import RecordEpisode
 
-from mpvi_bt.errors import BackendError, UnknownName, UserError
-from mpvi_bt.house.house import load_house
-from mpvi_bt.instances.instances import begin, expanded_problem
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.maniskill import MpviHouseEnv
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.fetch import FETCH
-from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.sim.world import World
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.ground.errors import BackendError, UnknownName, UserError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.fetch import FETCH
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.instances.instances import begin, expanded_problem
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.maniskill import MpviHouseEnv
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 TASK = "picking_up_trash"
 
@@ -62,7 +62,7 @@ def env() -> Iterator[gymnasium.Env[Any, Any]]:
 def test_it_says_where_it_is_made(env: gymnasium.Env[Any, Any]) -> None:
     """The id in its spec, which recordings keep, names the module: what imports nothing of ours makes it by that."""
     assert env.spec is not None
-    assert env.spec.id == "mpvi_bt.maniskill:MpviHouse-v1"
+    assert env.spec.id == "mpvi_bt.house.maniskill:MpviHouse-v1"
 
 
 @pytest.mark.render
@@ -241,7 +241,7 @@ def test_physics_are_set_as_in_the_core(env: gymnasium.Env[Any, Any]) -> None:
     """Both simulators step 120 times a second with the same settings."""
     import sapien
 
-    from mpvi_bt.sim.shaders import new_scene
+    from mpvi_bt.house.sim.shaders import new_scene
 
     def settings() -> list[str]:
         physx = sapien.physx

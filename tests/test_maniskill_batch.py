@@ -16,23 +16,23 @@ import sapien
 import torch
 from mani_skill.utils.structs import Pose
 
-from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.goals.evaluate import snapshot
-from mpvi_bt.goals.predicates import truth_in
-from mpvi_bt.house.house import load_house
-from mpvi_bt.instances.instances import expanded_problem
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.maniskill.agent import DeltaController, HandController, PositionController
-from mpvi_bt.maniskill.batch import BatchState, StateLayout, Twin, begun, twin
-from mpvi_bt.maniskill.drive_tensors import Drives
-from mpvi_bt.maniskill.env import MpviHouseEnv
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.limits import within_limits
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.sim.shaders import new_scene
-from mpvi_bt.sim.sim_robot import SimRobot
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.errors import BackendError, UserError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.robot.limits import within_limits
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.house.goals.evaluate import snapshot
+from mpvi_bt.house.goals.predicates import truth_in
+from mpvi_bt.house.instances.instances import expanded_problem
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.maniskill.agent import DeltaController, HandController, PositionController
+from mpvi_bt.house.maniskill.batch import BatchState, StateLayout, Twin, begun, twin
+from mpvi_bt.house.maniskill.drive_tensors import Drives
+from mpvi_bt.house.maniskill.env import MpviHouseEnv
+from mpvi_bt.house.sim.shaders import new_scene
+from mpvi_bt.house.sim.sim_robot import SimRobot
+from mpvi_bt.house.sim.world import World
 
 TASK = "picking_up_trash"
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.marked_yaml import (
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.ground.marked_yaml import (
     MAX_DEPTH,
     MAX_NODES,
     MAX_PROBLEMS,

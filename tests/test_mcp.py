@@ -22,9 +22,9 @@ import jsonschema
 from mcp import Client, MCPError, StdioServerParameters, stdio_client
 from mcp.client.streamable_http import streamable_http_client
 
-from mpvi_bt.mcp_server.run_processes import RunProcesses
-from mpvi_bt.mcp_server.tool_server import make_server
-from mpvi_bt.mcp_server.tools import Tools
+from mpvi_bt.apps.mcp_server.run_processes import RunProcesses
+from mpvi_bt.apps.mcp_server.tool_server import make_server
+from mpvi_bt.apps.mcp_server.tools import Tools
 from tests.test_watch import MPVI, serving
 
 WORDS = ["tasks", "scene", "plan", "check", "preview", "run", "progress", "explain", "stop"]

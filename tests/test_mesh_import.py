@@ -12,19 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mpvi_bt
-from mpvi_bt.authoring.skeletons import new_mesh
-from mpvi_bt.errors import UserError
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.sim.world import Placement
-from mpvi_bt.suite.manifest import entry_content
-from mpvi_bt.things.catalogue import load_catalogue
-from mpvi_bt.things.description import Skin
-from mpvi_bt.things.mesh_file import MeshBody, bounds_of, mesh_text, read_mesh
+from mpvi_bt.apps.authoring.skeletons import new_mesh
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.house.things.description import Skin
+from mpvi_bt.house.things.mesh_file import MeshBody, bounds_of, mesh_text, read_mesh
+from mpvi_bt.runs.suite.manifest import entry_content
 from tests.small_house import placed, small_world
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra mesh")
 pytest.importorskip("coacd", reason="needs the extra mesh")
-from mpvi_bt.things.mesh_import import import_mesh  # noqa: E402
+from mpvi_bt.house.things.mesh_import import import_mesh  # noqa: E402
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 
@@ -272,7 +272,7 @@ def test_convex_parts_of_what_is_hollow_are_computed(tmp_path: Path) -> None:
     hulls = made.bodies["body"].hulls
     assert 4 <= len(hulls) <= 12
     assert all(np.linalg.norm(hull[:, :2], axis=1).max() > 0.045 for hull in hulls)
-    from mpvi_bt.things.mesh_import import volume_of
+    from mpvi_bt.house.things.mesh_import import volume_of
 
     assert volume_of(made.bodies) == pytest.approx(np.pi * (0.05**2 - 0.03**2) * 0.06, rel=0.15)
 

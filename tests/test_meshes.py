@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.robot.solids import Solid, pose
-from mpvi_bt.things.description import Part
-from mpvi_bt.things.meshes import meshes
+from mpvi_bt.ground.geometry.solids import Solid, pose
+from mpvi_bt.house.things.description import Part
+from mpvi_bt.house.things.meshes import meshes
 
 Kind = Literal["box", "cylinder", "sphere"]
 VOLUME = {"box": 8.0, "cylinder": 2 * np.pi, "sphere": 4 / 3 * np.pi}

@@ -14,28 +14,28 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import METHOD, EpisodeConfig
-from mpvi_bt.choices.methods import load_method
-from mpvi_bt.cli.check import check
-from mpvi_bt.cli.listing import list_
-from mpvi_bt.cli.setting_options import method, settings
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.episode import assembly, episode
-from mpvi_bt.episode.prepare import prepare
-from mpvi_bt.episode.saved_episode import SavedSettings
-from mpvi_bt.errors import FileProblems, UnknownName, UserError
-from mpvi_bt.executive.dry import _absent
-from mpvi_bt.executive.loop import Watcher, run_episode
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.plan.schema import Plan
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.apps.cli.listing import list_
+from mpvi_bt.apps.cli.setting_options import method, settings
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.plan.schema import Plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import _absent
+from mpvi_bt.executive.ticking.loop import Watcher, run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_instruction, compile_plan
+from mpvi_bt.executive.tree.writer import expanded
+from mpvi_bt.executive.tree.yaml_io import from_expanded
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UnknownName, UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.config import METHOD, EpisodeConfig
+from mpvi_bt.runs.choices.methods import load_method
+from mpvi_bt.runs.episode import assembly, episode
+from mpvi_bt.runs.episode.prepare import prepare
+from mpvi_bt.runs.episode.saved_episode import SavedSettings
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_instruction, compile_plan
-from mpvi_bt.tree.writer import expanded
-from mpvi_bt.tree.yaml_io import from_expanded
 
 METHODS = paths.names("tasks/methods")
 GOLDEN = Path(__file__).parent / "golden" / "methods.txt"
@@ -259,7 +259,7 @@ def test_the_policy_alone_asks_neither_planner_nor_navigator_nor_checker(monkeyp
     """They may break at the first word: the episode goes on, and its result says what method it was."""
     for what in ("navigator", "checker", "triggers"):
         monkeypatch.setattr(assembly, f"make_{what}", absent(what))
-    monkeypatch.setattr("mpvi_bt.episode.prepare.make_planner", absent("planner"))
+    monkeypatch.setattr("mpvi_bt.runs.episode.prepare.make_planner", absent("planner"))
     result = run(config("e2e"), 150)
     assert result["config"]["method"] == "e2e"
     assert result["queries"]["asked"] == 0

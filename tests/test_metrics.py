@@ -16,13 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.metrics import DIRECTIONS, Measurement, Meter
-from mpvi_bt.episode.result import Result, make_result, read_result, write_json, write_result
-from mpvi_bt.instances.human import human_stats
-from mpvi_bt.robot.protocol import Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.instances.human import human_stats
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.metrics import DIRECTIONS, Measurement, Meter
+from mpvi_bt.runs.episode.result import Result, make_result, read_result, write_json, write_result
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.fake_episodes import TASK, fake_result
 
@@ -174,7 +174,7 @@ def test_where_pictures_go_is_no_part_of_the_config() -> None:
 
 def test_a_robot_that_stood_still_has_no_ratio() -> None:
     """Infinity is no JSON: null."""
-    from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
+    from mpvi_bt.executive.ticking.goal_report import GoalCondition, GoalReport
 
     zero: dict[Side, float] = {"left": 0.0, "right": 0.0}
     goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=(GoalCondition("done", False),))

@@ -9,16 +9,16 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.cli.check import check
-from mpvi_bt.cli.fmt import fmt
-from mpvi_bt.cli.listing import list_
-from mpvi_bt.errors import FileProblems, Problem, UserError
-from mpvi_bt.tree import synonyms
-from mpvi_bt.tree.substitute import check_rules
-from mpvi_bt.tree.yaml_io import load_tree, parse_tree
-from mpvi_bt.yaml_reader import read_yaml
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.apps.cli.fmt import fmt
+from mpvi_bt.apps.cli.listing import list_
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.tree import synonyms
+from mpvi_bt.executive.tree.substitute import check_rules
+from mpvi_bt.executive.tree.yaml_io import load_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, Problem, UserError
+from mpvi_bt.ground.yaml_reader import read_yaml
 
 GO_TO = paths.find("trees", "go_to")
 

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.monitors.calibration import Calibration, Run, calibrate, fewest_runs, load_calibration
-from mpvi_bt.monitors.signals import SIGNALS, Signals
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.monitors.calibration import Calibration, Run, calibrate, fewest_runs, load_calibration
+from mpvi_bt.executive.monitors.signals import SIGNALS, Signals
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
 from tests.test_latency import BODY
 
 

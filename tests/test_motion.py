@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.arm_motion import stay, sweep
-from mpvi_bt.robot.collision import Body, Surroundings
-from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.arm_motion import stay, sweep
+from mpvi_bt.ground.robot.collision import Body, Surroundings
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure, smooth
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1pro import R1PRO
 
 
 def feeling(base: Array | None = None) -> Proprioception:

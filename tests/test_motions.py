@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES, ActionLayout
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.tree.saving import restore, save
+from mpvi_bt.executive.tree.saving import restore, save
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout
+from mpvi_bt.hands.robots import r1
 from tests.bench import Bench
 
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.btcpp.importing import from_xml
-from mpvi_bt.btcpp.mapping import NAV2
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.tree.lint import lint
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.btcpp.importing import from_xml
+from mpvi_bt.executive.btcpp.mapping import NAV2
+from mpvi_bt.executive.ticking.dry import dry_tree, run_dry
+from mpvi_bt.executive.tree.lint import lint
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import FileProblems
 from tests.test_btcpp import main_tree
 
 PLAN = "<RateController hz='2.0'><ComputePathToPose goal='{goal}' path='{path}'/></RateController>"

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
-from mpvi_bt.navigation.grid import shortest_path
-from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower
-from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.protocols import Progress, Report
-from mpvi_bt.robot.kinematics import wrap
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
-from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
+from mpvi_bt.finding.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
+from mpvi_bt.finding.navigation.grid import shortest_path
+from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.finding.navigation.pursuit import CARRYING, Limits, PathFollower
+from mpvi_bt.finding.navigation.traversability import traversability
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.kinematics import wrap
+from mpvi_bt.ground.protocols import Progress, Report
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.testing import check_navigator
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 

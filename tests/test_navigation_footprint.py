@@ -8,15 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.navigators import explorer
-from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.loaded import loaded_path
-from mpvi_bt.navigation.pursuit import PathFollower
-from mpvi_bt.navigation.traversability import Traversability, traversability
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.finding.navigation.footprint import Footprint
+from mpvi_bt.finding.navigation.loaded import loaded_path
+from mpvi_bt.finding.navigation.pursuit import PathFollower
+from mpvi_bt.finding.navigation.traversability import Traversability, traversability
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.runs.choices.navigators import explorer
 from tests.depth_pictures import Box, picture
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 

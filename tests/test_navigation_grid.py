@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
-from mpvi_bt.navigation.traversability import ESCAPE_COST, floor_obstacles, traversability
+from mpvi_bt.finding.navigation.grid import cost_to_reach, shortest_path
+from mpvi_bt.finding.navigation.traversability import ESCAPE_COST, floor_obstacles, traversability
 from tests.navigation_maps import put_box, thing, two_rooms
 
 
@@ -189,7 +189,8 @@ def test_only_loose_things_on_the_floor_are_obstacles() -> None:
 def test_numba_loads_only_with_the_first_search() -> None:
     """Importing the grids does not import numba: what never plans does not wait for it."""
     code = (
-        "import sys\nfrom mpvi_bt.navigation import frontiers, grid\nfrom mpvi_bt.scene import occupancy, visibility\n"
+        "import sys\nfrom mpvi_bt.finding.navigation import frontiers, grid\n"
+        "from mpvi_bt.finding.scene import occupancy, visibility\n"
         "print('numba' in sys.modules)\ngrid.warm()\nprint('numba' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

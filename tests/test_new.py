@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 
 import mpvi_bt
-from mpvi_bt.authoring.part_skeletons import new_part
-from mpvi_bt.authoring.skeletons import new_house, new_object, new_skill, new_task, new_tree
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.errors import UserError
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.apps.authoring.part_skeletons import new_part
+from mpvi_bt.apps.authoring.skeletons import new_house, new_object, new_skill, new_task, new_tree
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.house.things.families import FAMILIES
+from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.testing import check_policy
-from mpvi_bt.things.catalogue import load_catalogue
-from mpvi_bt.things.families import FAMILIES
 from tests.conftest import Shell
 
 MAKERS = {
@@ -155,7 +155,7 @@ def test_a_policy_keeps_the_contract(root: Path) -> None:
     new_part("policy", "steady").write(root)
     made = runpy.run_path("steady.py")["Steady"]
     check_policy(made(seed=0), make=lambda: made(seed=0))
-    from mpvi_bt.episode.prepare import check_backends
+    from mpvi_bt.runs.episode.prepare import check_backends
 
     check_backends(EpisodeConfig("picking_up_trash", policy="steady:Steady"))
     with pytest.raises(UserError, match="'my_json' is free"):

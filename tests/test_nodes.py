@@ -12,17 +12,17 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors import registry
-from mpvi_bt.behaviors.composites import Selector, Sequence
-from mpvi_bt.behaviors.context import Failure
-from mpvi_bt.behaviors.decorators import Retry, Subtree
-from mpvi_bt.behaviors.node import failure_of
-from mpvi_bt.behaviors.registry import NodeType, node_type, node_types
-from mpvi_bt.errors import NodeError, UserError
+from mpvi_bt.executive.behaviors import registry
+from mpvi_bt.executive.behaviors.composites import Selector, Sequence
+from mpvi_bt.executive.behaviors.context import Failure
+from mpvi_bt.executive.behaviors.decorators import Retry, Subtree
+from mpvi_bt.executive.behaviors.node import failure_of
+from mpvi_bt.executive.behaviors.registry import NodeType, node_type, node_types
+from mpvi_bt.executive.tree import reader, spec
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import NodeError, UserError
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree import reader, spec
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.yaml_io import parse_tree
 from tests.bench import Bench
 
 RUNNING, SUCCESS, FAILURE, INVALID = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
@@ -238,8 +238,8 @@ def test_a_failure_survives_json_with_what_caused_it() -> None:
     ("factory", "said"),
     [
         ("no_such_module:Wave", "there is no module 'no_such_module'"),
-        ("mpvi_bt.behaviors.leaves:Wavin", "has no 'Wavin'. Did you mean 'Wait'?"),
-        ("mpvi_bt.behaviors.leaves:Succeed", "unexpected keyword argument 'text'"),
+        ("mpvi_bt.executive.behaviors.leaves:Wavin", "has no 'Wavin'. Did you mean 'Wait'?"),
+        ("mpvi_bt.executive.behaviors.leaves:Succeed", "unexpected keyword argument 'text'"),
     ],
 )
 def test_a_class_that_does_not_fit_its_row_is_named(factory: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CameraImage, Proprioception
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.mistaken import MistakenTruth
-from mpvi_bt.sim.noise import NONE, REALISTIC, Errors, NoisyRobot, StandingError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.mistaken import MistakenTruth
+from mpvi_bt.house.sim.noise import NONE, REALISTIC, Errors, NoisyRobot, StandingError
 from mpvi_bt.testing import KinematicRobot
 from tests.small_house import placed, run, small_world
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.navigation.frontiers import frontier
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.scene.occupancy import Occupancy
+from mpvi_bt.finding.navigation.frontiers import frontier
+from mpvi_bt.finding.scene.occupancy import Occupancy
+from mpvi_bt.ground.geometry import kinematics as kin
 from tests.depth_pictures import Box, picture, walls
 from tests.navigation_maps import two_rooms
 

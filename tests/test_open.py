@@ -8,24 +8,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.follow import _reach, go_along
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.manipulation.skills.bar_courses import swings
-from mpvi_bt.manipulation.skills.close import is_closed
-from mpvi_bt.manipulation.skills.open import is_open
-from mpvi_bt.manipulation.skills.openings import doors_meant, thing_meant
-from mpvi_bt.manipulation.skills.push_courses import pushes
-from mpvi_bt.manipulation.stance.course import Course
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.moving_parts import moved
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.finding.shapes.moving_parts import moved
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import ActionLayout, Side
+from mpvi_bt.hands.motion.follow import _reach, go_along
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills.bar_courses import swings
+from mpvi_bt.hands.skills.close import is_closed
+from mpvi_bt.hands.skills.open import is_open
+from mpvi_bt.hands.skills.openings import doors_meant, thing_meant
+from mpvi_bt.hands.skills.push_courses import pushes
+from mpvi_bt.hands.stance.course import Course
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.expert import ExpertPolicy
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()

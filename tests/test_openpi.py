@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import UserError
-from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
-from mpvi_bt.remote.openpi import OpenpiPolicy, url_of
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.executive.remote.connection import KEY
+from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy, url_of
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
 from tests.remote_servers import HOST, PolicyServer, free_port

@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from websockets.sync.server import ServerConnection
 
-from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.dialect_settings import DialectSettings
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.remote.connection import KEY
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.executive.ticking.loop import Outcome, run_episode
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
 from tests.remote_servers import HOST, PolicyServer, broken, packed
 
 SKILLS = load_skills()

@@ -22,10 +22,10 @@ import pytest
 from websockets.sync.server import ServerConnection
 
 import mpvi_bt
-from mpvi_bt.errors import PolicyError
-from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.executive.remote.connection import KEY
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.ground.errors import PolicyError
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
 from tests.remote_servers import (
@@ -61,7 +61,7 @@ def talking(first: Callable[[ServerConnection], None]) -> PolicyServer:
 def test_every_reason_is_documented() -> None:
     """The page lists each reason code that the package gives, and no other."""
     package = Path(mpvi_bt.__file__).parent
-    texts = [path.read_text(encoding="utf-8") for path in (package / "remote").glob("*.py")]
+    texts = [path.read_text(encoding="utf-8") for path in (package / "executive" / "remote").glob("*.py")]
     given = {reason for text in texts for reason in re.findall(r'(?:PolicyError|Lost)\(\s*"(\w+)"', text)}
     given |= {"unauthorized", "server_error"}  # chosen by close code
     page = (package.parent / "docs" / "policies.md").read_text(encoding="utf-8")
@@ -586,7 +586,7 @@ def test_a_farewell_that_does_not_hang_up() -> None:
 
 ASK = """
 import resource, sys
-from mpvi_bt.errors import PolicyError
+from mpvi_bt.ground.errors import PolicyError
 from tests.remote_clients import observation, policy_at
 policy = policy_at(sys.argv[1])
 policy.reset()

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.policies import PolicyInputs, make_policy
-from mpvi_bt.errors import PolicyError
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.protocols import Policy
-from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.remote.observation import Vocabulary, write_observation
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.remote.codec import pack, unpack
+from mpvi_bt.executive.remote.observation import Vocabulary, write_observation
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.ground.errors import PolicyError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
+from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy
 from mpvi_bt.testing import KinematicRobot
 from tests.openpi_env import openpi_python
 from tests.serving import grip, observation, serving
@@ -119,7 +119,16 @@ class Recorder:
 @contextlib.contextmanager
 def mpvi_serve(policy: str) -> Iterator[int]:
     """`mpvi serve` of a policy in a process of its own; its port."""
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", "serve", policy, "--port", "0", "--json"]
+    command = [
+        sys.executable,
+        "-c",
+        "from mpvi_bt.apps.cli import main; main()",
+        "serve",
+        policy,
+        "--port",
+        "0",
+        "--json",
+    ]
     environment = {**os.environ, "OPENPI_API_KEY": "sesame"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None

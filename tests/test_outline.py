@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.robot.kinematics import transform
-from mpvi_bt.robot.solids import Solid, box, pose
-from mpvi_bt.shapes.from_above import disc, outline, points
+from mpvi_bt.finding.shapes.from_above import disc, outline, points
+from mpvi_bt.ground.geometry.kinematics import transform
+from mpvi_bt.ground.geometry.solids import Solid, box, pose
 
 halves = st.floats(0.01, 0.2)
 angles = st.floats(-3.1, 3.1)

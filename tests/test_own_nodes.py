@@ -11,31 +11,31 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from mpvi_bt import api
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.behaviors.own_nodes import own_nodes
-from mpvi_bt.btcpp.export import to_xml
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.group import run
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.marked_yaml import load_marked
-from mpvi_bt.mcp_server.run_processes import RunProcesses
-from mpvi_bt.mcp_server.tools import Tools
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.json_schema import tree_schema
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import dump_tree, expanded, from_expanded, load_tree, parse_tree
-from mpvi_bt.watch.dry_page import drawn
+from mpvi_bt.apps import api
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.apps.mcp_server.run_processes import RunProcesses
+from mpvi_bt.apps.mcp_server.tools import Tools
+from mpvi_bt.apps.watch.dry_page import drawn
+from mpvi_bt.executive.behaviors.own_nodes import own_nodes
+from mpvi_bt.executive.btcpp.export import to_xml
+from mpvi_bt.executive.ticking.dry import dry_tree, run_dry
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.json_schema import tree_schema
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.yaml_io import dump_tree, expanded, from_expanded, load_tree, parse_tree
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.ground.marked_yaml import load_marked
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.recording.recorder import Recorder
 
 NODES = '''
 from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 from py_trees.common import Status
-from mpvi_bt.behaviors.node import Decorator, Leaf
+from mpvi_bt.executive.behaviors.node import Decorator, Leaf
 
 Path(__file__).with_name("imported").touch()
 
@@ -114,7 +114,7 @@ def test_the_schema_has_them(tree: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 def prepared_kinds(tree: str) -> list[str]:
     """Runs in a process of its own, as the workers of suites do."""
-    from mpvi_bt.episode.prepare import prepare
+    from mpvi_bt.runs.episode.prepare import prepare
 
     spec = prepare(EpisodeConfig("", tree=tree)).spec
     return sorted(type(node).__name__ for node in Tree(spec).nodes.values())
@@ -156,7 +156,9 @@ def test_two_nodes_of_one_name_are_refused(tree: Path) -> None:
     )
     with pytest.raises(FileProblems, match=r"a node 'blink' is of .*other.py:Blink already"):
         load_tree(outer)
-    (tree.parent / "my_nodes.py").write_text("from mpvi_bt.behaviors.node import Leaf\nclass Say(Leaf):\n    pass\n")
+    (tree.parent / "my_nodes.py").write_text(
+        "from mpvi_bt.executive.behaviors.node import Leaf\nclass Say(Leaf):\n    pass\n"
+    )
     with pytest.raises(FileProblems, match="a node 'say' is there already"):
         load_tree(tree)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.manipulation.policies.repertoire import REPERTOIRE, motion_of
-from mpvi_bt.plan.skills import Skill, load_skill, load_skills
+from mpvi_bt.executive.plan.skills import Skill, load_skill, load_skills
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.hands.policies.repertoire import REPERTOIRE, motion_of
 
 FILE = """\
 name: turn_knob
@@ -29,7 +29,7 @@ def skill(tmp_path: Path, motion: str, more: str = "") -> Skill:
 
 def test_a_motion_is_found_by_its_import_path(tmp_path: Path) -> None:
     """Skills of ours have the motion of their name, a skill of one's own the function that its file names."""
-    assert motion_of(skill(tmp_path, "mpvi_bt.manipulation.skills.press:press")) is not REPERTOIRE["press"]
+    assert motion_of(skill(tmp_path, "mpvi_bt.hands.skills.press:press")) is not REPERTOIRE["press"]
     assert all(motion_of(ours) is REPERTOIRE[name] for name, ours in load_skills().items())
 
 
@@ -38,10 +38,10 @@ def test_a_motion_is_found_by_its_import_path(tmp_path: Path) -> None:
     [
         ("no_such_module:turn", "skill turn_knob: motion: there is no module 'no_such_module'"),
         (
-            "mpvi_bt.manipulation.skills.press:pres",
-            "module 'mpvi_bt.manipulation.skills.press' has no 'pres'. Did you mean 'press'?",
+            "mpvi_bt.hands.skills.press:pres",
+            "module 'mpvi_bt.hands.skills.press' has no 'pres'. Did you mean 'press'?",
         ),
-        ("mpvi_bt.manipulation.skills.wait:WAIT_S", "is no class or function, but float"),
+        ("mpvi_bt.hands.skills.wait:WAIT_S", "is no class or function, but float"),
     ],
 )
 def test_a_motion_that_is_not_there_is_told(tmp_path: Path, motion: str, words: str) -> None:

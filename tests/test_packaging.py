@@ -43,12 +43,15 @@ def test_the_wheel_holds_every_file_of_the_package(installed: Path) -> None:
     package = ROOT / "mpvi_bt"
     ours = {p.relative_to(package) for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
     shipped = {p.relative_to(installed / "mpvi_bt") for p in (installed / "mpvi_bt").rglob("*") if p.is_file()}
-    assert {Path("trace/page/page.html"), Path("trace/page/page.js")} <= ours <= shipped
+    assert {Path("executive/trace/page/page.html"), Path("executive/trace/page/page.js")} <= ours <= shipped
 
 
 def test_data_is_found_in_an_installed_wheel(installed: Path, tmp_path: Path) -> None:
     """An installed package lists the tasks that it holds itself, not the checkout's."""
-    code = "from mpvi_bt import paths; print(paths.shipped()); from mpvi_bt.cli import main; main(['list', 'tasks'])"
+    code = (
+        "from mpvi_bt.ground import paths; print(paths.shipped()); "
+        "from mpvi_bt.apps.cli import main; main(['list', 'tasks'])"
+    )
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.detectors import make_detector
-from mpvi_bt.choices.policies import PolicyInputs, make_policy
-from mpvi_bt.cli.group import run
-from mpvi_bt.episode.prepare import check_backends
-from mpvi_bt.errors import UserError
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.detectors import make_detector
+from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy
+from mpvi_bt.runs.episode.prepare import check_backends
 
 CONFIG = EpisodeConfig("picking_up_trash")
 MODULE = """

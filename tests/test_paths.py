@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.errors import UnknownName, UserError, with_article
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import UnknownName, UserError, with_article
 
 
 def test_what_ships_is_found() -> None:

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.perception.phrases import MOST_CHARACTERS, normalize
-from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.pattern import pattern
-from mpvi_bt.plan.skills import load_skill, load_skills
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.pattern import pattern
+from mpvi_bt.executive.plan.skills import load_skill, load_skills
+from mpvi_bt.ground.words.phrases import MOST_CHARACTERS, normalize
 
 SKILLS = load_skills()
 

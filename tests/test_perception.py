@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.scene.knowledge import KnowledgeBase, normalize, whole
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase, normalize, whole
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from tests.navigation_maps import thing, two_rooms
 
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.backends import BACKENDS
-from mpvi_bt.choices.checkers import check_checker_choice, make_triggers
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.completion.periodic import PeriodicTriggers
-from mpvi_bt.completion.triggers import ProprioceptiveTriggers
-from mpvi_bt.errors import UserError
-from mpvi_bt.protocols import TriggerEvent
+from mpvi_bt.executive.completion.periodic import PeriodicTriggers
+from mpvi_bt.executive.completion.triggers import ProprioceptiveTriggers
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.protocols import TriggerEvent
+from mpvi_bt.runs.choices.backends import BACKENDS
+from mpvi_bt.runs.choices.checkers import check_checker_choice, make_triggers
+from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.testing import KinematicRobot
 from tests.bench import HELD, PICK, Bench
 

@@ -11,9 +11,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.perception import phrases
-from mpvi_bt.perception.phrases import MOST_CHARACTERS, Vocabulary, asked, kinds, normalize, read, whole
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.ground.words import phrases
+from mpvi_bt.ground.words.phrases import MOST_CHARACTERS, Vocabulary, asked, kinds, normalize, read, whole
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 DATA = yaml.safe_load(Path(phrases.__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 CATALOGUE = {entry.name: entry.phrases for entry in load_catalogue()}

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.approach import arrive
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills import pick as picking
-from mpvi_bt.manipulation.skills.pick import _bring, pick
-from mpvi_bt.manipulation.stance.stance import Stance
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.hands.motion.approach import arrive
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills import pick as picking
+from mpvi_bt.hands.skills.pick import _bring, pick
+from mpvi_bt.hands.stance.stance import Stance
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 CAN = {"object": "can of soda"}

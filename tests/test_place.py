@@ -11,23 +11,23 @@ from typing import cast
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills import drop, place, placing
-from mpvi_bt.manipulation.skills.placing import leaning
-from mpvi_bt.manipulation.stance.effort import Effort
-from mpvi_bt.manipulation.stance.stance import Option
-from mpvi_bt.manipulation.stance.stance_search import Search
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Load, Surroundings
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, box, pose
-from mpvi_bt.scene.held import Held
-from mpvi_bt.scene.scene import Scene
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.from_above import outline
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.scene import Scene
+from mpvi_bt.finding.shapes.from_above import outline
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, box, pose
+from mpvi_bt.ground.robot.collision import Load, Surroundings
+from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills import drop, place, placing
+from mpvi_bt.hands.skills.placing import leaning
+from mpvi_bt.hands.stance.effort import Effort
+from mpvi_bt.hands.stance.stance import Option
+from mpvi_bt.hands.stance.stance_search import Search
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing import SceneBuilder
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world

@@ -9,15 +9,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, UnknownName
-from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.pattern import pattern
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.primitives import primitives
-from mpvi_bt.plan.schema import Manipulation, Navigation, Plan, load_plan
-from mpvi_bt.plan.skills import load_skill, load_skills
-from mpvi_bt.tree.compile import compile_plan
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.pattern import pattern
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.primitives import primitives
+from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan, load_plan
+from mpvi_bt.executive.plan.skills import load_skill, load_skills
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UnknownName
 
 SKILLS = load_skills()
 PLANS = sorted((paths.shipped() / "tasks" / "plans").glob("*.json"))

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.plan.plan_check import plan_problems
-from mpvi_bt.plan.planning_context import MOST_FIXTURES, MOST_ROOMS, PlanningContext
-from mpvi_bt.plan.schema import Plan, load_plan
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.executive.plan.plan_check import plan_problems
+from mpvi_bt.executive.plan.planning_context import MOST_FIXTURES, MOST_ROOMS, PlanningContext
+from mpvi_bt.executive.plan.schema import Plan, load_plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground import paths
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.planning import ground
 
 SKILLS = load_skills()
 PLANS = sorted((paths.shipped() / "tasks" / "plans").glob("*.json"))

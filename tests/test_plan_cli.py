@@ -10,25 +10,25 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.cli.group import run
-from mpvi_bt.cli.score import score
-from mpvi_bt.episode.prepare import check_episode
-from mpvi_bt.episode.result import Planning
-from mpvi_bt.errors import ModelError
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.language.chat import Answer
-from mpvi_bt.plan.answer_form import answer_schema, answer_text
-from mpvi_bt.plan.finetuning import chats
-from mpvi_bt.plan.language_planner import checked, read_answer
-from mpvi_bt.plan.plan_check import plan_problems
-from mpvi_bt.plan.planners import Planned, RecordedPlanner
-from mpvi_bt.plan.prompt import system_text, user_text
-from mpvi_bt.plan.schema import Plan, load_plan
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.suite.worker import play
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.apps.cli.score import score
+from mpvi_bt.executive.language.chat import Answer
+from mpvi_bt.executive.plan.answer_form import answer_schema, answer_text
+from mpvi_bt.executive.plan.finetuning import chats
+from mpvi_bt.executive.plan.language_planner import checked, read_answer
+from mpvi_bt.executive.plan.plan_check import plan_problems
+from mpvi_bt.executive.plan.planners import Planned, RecordedPlanner
+from mpvi_bt.executive.plan.prompt import system_text, user_text
+from mpvi_bt.executive.plan.schema import Plan, load_plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.planning import ground
+from mpvi_bt.runs.episode.prepare import check_episode
+from mpvi_bt.runs.episode.result import Planning
+from mpvi_bt.runs.suite.worker import play
 from tests.chat_servers import ChatServer, RealServer, completion, failure, free_port
 from tests.fake_episodes import fake_result
 

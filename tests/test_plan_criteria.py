@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.plan.action_like import action_in, verbs
-from mpvi_bt.plan.schema import load_plan
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.plan.action_like import action_in, verbs
+from mpvi_bt.executive.plan.schema import load_plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground import paths
 
 PLANS = sorted((paths.shipped() / "tasks" / "plans").glob("*.json"))
 

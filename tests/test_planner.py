@@ -13,20 +13,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.errors import ModelError, UserError
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.scripted_model import ScriptedChatModel
-from mpvi_bt.plan.answer_form import answer_schema, answer_text
-from mpvi_bt.plan.history import History, Unit
-from mpvi_bt.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
-from mpvi_bt.plan.plan_check import plan_problems
-from mpvi_bt.plan.planning_context import PlanningContext
-from mpvi_bt.plan.prompt import LONGEST_INSTRUCTION, conversation, system_text, user_text
-from mpvi_bt.plan.schema import Plan, load_plan
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.plan.answer_form import answer_schema, answer_text
+from mpvi_bt.executive.plan.history import History, Unit
+from mpvi_bt.executive.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
+from mpvi_bt.executive.plan.plan_check import plan_problems
+from mpvi_bt.executive.plan.planning_context import PlanningContext
+from mpvi_bt.executive.plan.prompt import LONGEST_INSTRUCTION, conversation, system_text, user_text
+from mpvi_bt.executive.plan.schema import Plan, load_plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import ModelError, UserError
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.planning import ground
 
 SKILLS = load_skills()
 HOUSE = ground("family_house", load_task("picking_up_trash"))

@@ -10,22 +10,22 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.completion import criteria
-from mpvi_bt.goals.formula import All, Formula, Literal, Not, Some, holds, literals
-from mpvi_bt.goals.problem import AGENT, BddlProblem, Fact, load_problem
-from mpvi_bt.house.house import load_house
-from mpvi_bt.instances.human import human_stats
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.perception.phrases import Vocabulary, normalize
-from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.plan_check import plan_problems
-from mpvi_bt.plan.schema import Manipulation, Navigation, Plan, load_plan
-from mpvi_bt.plan.skills import SkillCall, load_skills
-from mpvi_bt.things.catalogue import load_catalogue
-from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.lint import check_rooms, lint
-from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.executive.completion import criteria
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.plan_check import plan_problems
+from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan, load_plan
+from mpvi_bt.executive.plan.skills import SkillCall, load_skills
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.executive.tree.lint import check_rooms, lint
+from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.words.phrases import Vocabulary, normalize
+from mpvi_bt.house.goals.formula import All, Formula, Literal, Not, Some, holds, literals
+from mpvi_bt.house.goals.problem import AGENT, BddlProblem, Fact, load_problem
+from mpvi_bt.house.instances.human import human_stats
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.things.catalogue import load_catalogue
 from tests.symbolic_run import SymbolicRun
 from tests.symbolic_state import FLOORS, KEPT, CannotBe
 

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import disturbed
-from mpvi_bt.disturbances.faults import KINDS, read_faults
-from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
-from mpvi_bt.disturbances.late_policy import LatePolicy
-from mpvi_bt.errors import UserError
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.policies import disturbed
+from mpvi_bt.runs.disturbances.faults import KINDS, read_faults
+from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
+from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from tests.test_latency import BODY
 
 

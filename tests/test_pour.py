@@ -8,16 +8,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills import pour
-from mpvi_bt.manipulation.skills.pour import lip, righted
-from mpvi_bt.manipulation.stance.effort import Effort
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.solids import Solid
-from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Solid
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills import pour
+from mpvi_bt.hands.skills.pour import lip, righted
+from mpvi_bt.hands.stance.effort import Effort
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing import SceneBuilder
 
 angles = st.floats(-3.1, 3.1)

@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.goals import predicates
-from mpvi_bt.goals.formula import Literal, literals
-from mpvi_bt.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
-from mpvi_bt.goals.problem import load_problem
-from mpvi_bt.goals.rays import crosses, interval, within
-from mpvi_bt.instances.human import human_stats
-from mpvi_bt.robot.solids import Solid, box, pose
-from mpvi_bt.rules.heat import Heat, Thermal
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.ground.geometry.rays import crosses, interval, within
+from mpvi_bt.ground.geometry.solids import Solid, box, pose
+from mpvi_bt.house.goals import predicates
+from mpvi_bt.house.goals.formula import Literal, literals
+from mpvi_bt.house.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
+from mpvi_bt.house.goals.problem import load_problem
+from mpvi_bt.house.instances.human import human_stats
+from mpvi_bt.house.rules.heat import Heat, Thermal
 
 
 @dataclass

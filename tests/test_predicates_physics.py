@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.predicates import truth_in
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.house.goals.formula import Literal
+from mpvi_bt.house.goals.predicates import truth_in
+from mpvi_bt.house.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, small_world
 
 BOARD_M = 0.503  # height of the bookcase's second board

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.policies import PolicyInputs, with_pregrasp
-from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.sim.world import ROBOT
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.hands.policies.pregrasp import PregraspPolicy, WithPregrasp
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.world import ROBOT
+from mpvi_bt.runs.choices.policies import PolicyInputs, with_pregrasp
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.press import options, press
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.scene.seen import Seen
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene.seen import Seen
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills.press import options, press
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
 from tests.test_open import play
 

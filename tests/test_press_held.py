@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.press import options
-from mpvi_bt.manipulation.skills.press_held import press_held
-from mpvi_bt.robot.linear_algebra import norm
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.ground.geometry.linear_algebra import norm
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills.press import options
+from mpvi_bt.hands.skills.press_held import press_held
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 

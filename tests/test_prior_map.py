@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mpvi_bt.house.house import House, load_house
-from mpvi_bt.house.overlap import penetration
-from mpvi_bt.house.prior_map import BAND_M, knowledge, obstacles, prior_map
-from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.open_doors import OpenDoors
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.solids import Array, Solid, pose
+from mpvi_bt.house.layout.house import House, load_house
+from mpvi_bt.house.layout.overlap import penetration
+from mpvi_bt.house.layout.prior_map import BAND_M, knowledge, obstacles, prior_map
+from mpvi_bt.house.sim.open_doors import OpenDoors
+from mpvi_bt.house.sim.world import World
 
 
 @pytest.fixture(scope="module")

@@ -12,16 +12,16 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import below, problems_in
-from mpvi_bt.cli.check import check
-from mpvi_bt.errors import FileProblems, UnknownName, UserError
-from mpvi_bt.goals.evaluate import snapshot
-from mpvi_bt.goals.findings import Findings
-from mpvi_bt.goals.formula import All, Formula, Literal
-from mpvi_bt.goals.problem import BddlProblem, activities, load_problem, parse_problem
-from mpvi_bt.goals.vocabulary import behavior
-from mpvi_bt.instances.human import human_stats
+from mpvi_bt.apps.authoring.checking import below, problems_in
+from mpvi_bt.apps.cli.check import check
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UnknownName, UserError
+from mpvi_bt.house.goals.evaluate import snapshot
+from mpvi_bt.house.goals.findings import Findings
+from mpvi_bt.house.goals.formula import All, Formula, Literal
+from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem, parse_problem
+from mpvi_bt.house.goals.vocabulary import behavior
+from mpvi_bt.house.instances.human import human_stats
 
 TINY = """
 (define (problem tiny) ; a comment with ( in it
@@ -64,9 +64,12 @@ def test_every_challenge_task_parses(activity: str) -> None:
 
 def test_reading_problems_never_imports_bddl() -> None:
     """The package is slow to import and scores wrongly, so only its data files are read."""
-    code = "import sys; from mpvi_bt.goals.problem import load_problem as l; l('picking_up_trash'); print(*sys.modules)"
+    code = (
+        "import sys; from mpvi_bt.house.goals.problem import load_problem as l; "
+        "l('picking_up_trash'); print(*sys.modules)"
+    )
     modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "mpvi_bt.goals.problem" in modules
+    assert "mpvi_bt.house.goals.problem" in modules
     assert not {m for m in modules if m.split(".")[0] == "bddl"}
 
 

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import Result
-from mpvi_bt.suite.progress import SuiteProgress, span
-from mpvi_bt.suite.schedule import Pace, in_rounds
-from mpvi_bt.suite.store import Fault
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.suite.progress import SuiteProgress, span
+from mpvi_bt.runs.suite.schedule import Pace, in_rounds
+from mpvi_bt.runs.suite.store import Fault
 from tests.fake_episodes import fake_result
 
 EPISODES = [EpisodeConfig("picking_up_trash", instance) for instance in range(4)]

@@ -7,11 +7,11 @@ import time
 
 import pytest
 
-from mpvi_bt import proxies
-from mpvi_bt.errors import ModelError, PolicyError, UserError
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.openai import OpenAIModel
-from mpvi_bt.remote.connection import Connection
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.openai import OpenAIModel
+from mpvi_bt.executive.remote.connection import Connection
+from mpvi_bt.ground import proxies
+from mpvi_bt.ground.errors import ModelError, PolicyError, UserError
 from tests.chat_servers import ChatServer, Reply, free_port
 
 pytest.importorskip("openai")

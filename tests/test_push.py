@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.goals.predicates import nextto
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.push import _way, pushes
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Solid, bounds
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Solid, bounds
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills.push import _way, pushes
+from mpvi_bt.house.goals.predicates import nextto
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_open import play
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.goals.evaluate import judge, snapshot, unmet
-from mpvi_bt.goals.formula import All, Literal, Not, Some, holds
-from mpvi_bt.goals.problem import load_problem, parse_problem
-from mpvi_bt.goals.qscore import best_fraction, qscore
+from mpvi_bt.house.goals.evaluate import judge, snapshot, unmet
+from mpvi_bt.house.goals.formula import All, Literal, Not, Some, holds
+from mpvi_bt.house.goals.problem import load_problem, parse_problem
+from mpvi_bt.house.goals.qscore import best_fraction, qscore
 
 HEAD = "(define (:objects a_1 a_2 a_3 - a b_1 b_2 - b) (:init ) (:goal {}))"
 THINGS = {"a": ["a_1", "a_2", "a_3"], "b": ["b_1", "b_2"]}

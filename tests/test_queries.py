@@ -8,14 +8,14 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.context import Query
-from mpvi_bt.choices.world_truth import Audit
-from mpvi_bt.completion.oracle import OracleChecker
-from mpvi_bt.cost import Cost
-from mpvi_bt.episode.queries import Queries, count_queries, queries_text
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.executive.saved_run import SavedRun, save_run
-from mpvi_bt.marked_yaml import Marks, validate_data
+from mpvi_bt.executive.behaviors.context import Query
+from mpvi_bt.executive.completion.oracle import OracleChecker
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.ticking.saved_run import SavedRun, save_run
+from mpvi_bt.ground.cost import Cost
+from mpvi_bt.ground.marked_yaml import Marks, validate_data
+from mpvi_bt.runs.choices.world_truth import Audit
+from mpvi_bt.runs.episode.queries import Queries, count_queries, queries_text
 from tests.bench import HELD, PICK, Bench, tree
 from tests.test_checkers import PHRASES, Facts
 

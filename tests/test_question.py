@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.question import HANDOVER_S, Question
-from mpvi_bt.protocols import StepClock
-from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.executive.behaviors.question import HANDOVER_S, Question
+from mpvi_bt.ground.protocols import StepClock
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 
 STEP_S = 1 / CONTROL_HZ
 

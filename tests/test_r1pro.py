@@ -13,15 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1pro
-from mpvi_bt.robot.collision import Body
-from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
-from mpvi_bt.robot.r1pro import R1PRO, TRUNK
-from mpvi_bt.robot.r1pro_urdf import r1pro_urdf
-from mpvi_bt.robot.rotations import rotation
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.rotations import rotation
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.collision import Body
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.hands.robots import r1pro
+from mpvi_bt.hands.robots.r1pro import R1PRO, TRUNK
+from mpvi_bt.hands.robots.r1pro_urdf import r1pro_urdf
+from mpvi_bt.house.sim.world import World
 from mpvi_bt.testing import check_robot
 from tests.small_house import placed, small_world
 

@@ -14,22 +14,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.action_rows import KINDS, ActionKind, Resampler, as_absolute, composed, of_kind
-from mpvi_bt.base_ramp import BaseRamp
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import check_policy_choice, for_clients, paced, rate_doubt
-from mpvi_bt.disturbances.late_policy import LatePolicy
-from mpvi_bt.errors import BadMessage, FileProblems, PolicyError, UserError
-from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
-from mpvi_bt.manipulation.policies.paced import Pace, PacedPolicy
-from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.remote.observation import write_observation
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.own_keys import OwnKeys
-from mpvi_bt.robot.limits import BASE_ACCELERATION
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
-from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.remote.dialect_settings import load_settings
+from mpvi_bt.executive.remote.observation import write_observation
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.executive.remote.own_keys import OwnKeys
+from mpvi_bt.ground.errors import BadMessage, FileProblems, PolicyError, UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, composed, of_kind
+from mpvi_bt.ground.robot.base_ramp import BaseRamp
+from mpvi_bt.ground.robot.limits import BASE_ACCELERATION
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble
+from mpvi_bt.hands.policies.paced import Pace, PacedPolicy
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.policies import check_policy_choice, for_clients, paced, rate_doubt
+from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.testing.doubles import KinematicRobot
 
 RATES = st.sampled_from([1.0, 2.0, 5.0, 7.0, 10.0, 12.5, 15.0, 20.0, 25.0, 29.97, 30.0, 50.0, 60.0])

@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.extras import install
-from mpvi_bt.suite.manifest import make_manifest
-from mpvi_bt.suite.ray_engine import RayEngine, play_far
-from mpvi_bt.suite.runner import run_suite
-from mpvi_bt.suite.store import Store
+from mpvi_bt.ground.errors import BackendError, UserError
+from mpvi_bt.ground.extras import install
+from mpvi_bt.runs.suite.manifest import make_manifest
+from mpvi_bt.runs.suite.ray_engine import RayEngine, play_far
+from mpvi_bt.runs.suite.runner import run_suite
+from mpvi_bt.runs.suite.store import Store
 from tests.suite_runs import EPISODES, FAKE, Heard, launch, processes, running, started, wait_until, without_wall
 
 needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
@@ -142,7 +142,7 @@ def test_a_cluster_that_is_not_there_is_told_in_a_line() -> None:
 
 def test_without_ray_the_extra_is_named() -> None:
     """One line, before anything starts."""
-    code = "import sys; sys.modules['ray'] = None; from mpvi_bt.cli import main; main()"
+    code = "import sys; sys.modules['ray'] = None; from mpvi_bt.apps.cli import main; main()"
     command = [sys.executable, "-c", code, "suite", "run", "trash10", "--engine", "ray"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == UserError.exit_code
@@ -155,7 +155,7 @@ def test_a_node_with_other_data_or_another_version_is_refused(log: Path) -> None
     sent = play_far(FAKE, EPISODES[0], 60.0, str(Path.cwd()), here)
     assert sent.played.fault is None
     other = here.model_copy(update={"version": "9.9", "files": {**here.files, "skills/pick.yaml": "0"}})
-    from mpvi_bt.suite import ray_engine
+    from mpvi_bt.runs.suite import ray_engine
 
     ray_engine._looked_at.clear()
     fault = play_far(FAKE, EPISODES[1], 60.0, str(Path.cwd()), other).played.fault

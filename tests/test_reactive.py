@@ -9,19 +9,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from mpvi_bt.goals.predicates import inside, ontop
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies import reactive as module
-from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
-from mpvi_bt.manipulation.skills.open import is_open
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import SkillCall, load_skills
-from mpvi_bt.remote.dialect_settings import CAMERAS
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
+from mpvi_bt.executive.plan.skills import SkillCall, load_skills
+from mpvi_bt.executive.remote.dialect_settings import CAMERAS
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies import reactive as module
+from mpvi_bt.hands.policies.reactive import ReactivePolicy
+from mpvi_bt.hands.skills.open import is_open
+from mpvi_bt.house.goals.predicates import inside, ontop
+from mpvi_bt.house.sim.world import World
 from mpvi_bt.testing import KinematicRobot, check_policy
 from tests.small_house import placed, small_world
 

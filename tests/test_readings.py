@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.manipulation.policies.readings import count, readings
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.hands.policies.readings import count, readings
 
 SKILLS = load_skills()
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.paths import find
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.tree.yaml_io import load_tree
+from mpvi_bt.ground.paths import find
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -11,33 +11,33 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from mpvi_bt.drawing.text import Line, tree_lines
-from mpvi_bt.errors import UserError
-from mpvi_bt.executive.goal_report import GoalCondition, GoalReport
-from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.goals.spoken import spoken, spoken_each, spoken_texts
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording import search_colors as colors
-from mpvi_bt.recording.cards import closing, opening
-from mpvi_bt.recording.frame_icons import ICONS
-from mpvi_bt.recording.frame_text import BAR, INKS, LEGEND, SIZE, Caption, plain, write
-from mpvi_bt.recording.labels import Labels, Picture, Rectangle
-from mpvi_bt.recording.named_house import name_things
-from mpvi_bt.recording.path_picture import PathPicture, path_picture
-from mpvi_bt.recording.video import Follower, Video, compose, has_index
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.cutaway import is_near
-from mpvi_bt.sim.views import look_at
+from mpvi_bt.executive.drawing.text import Line, tree_lines
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.goal_report import GoalCondition, GoalReport
+from mpvi_bt.executive.ticking.loop import Outcome, Subscriber, Watcher, World, run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.ground.words.spoken import spoken, spoken_each, spoken_texts
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.cutaway import is_near
+from mpvi_bt.house.sim.views import look_at
+from mpvi_bt.runs.recording import search_colors as colors
+from mpvi_bt.runs.recording.cards import closing, opening
+from mpvi_bt.runs.recording.frame_icons import ICONS
+from mpvi_bt.runs.recording.frame_text import BAR, INKS, LEGEND, SIZE, Caption, plain, write
+from mpvi_bt.runs.recording.labels import Labels, Picture, Rectangle
+from mpvi_bt.runs.recording.named_house import name_things
+from mpvi_bt.runs.recording.path_picture import PathPicture, path_picture
+from mpvi_bt.runs.recording.video import Follower, Video, compose, has_index
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import parse_tree
 from tests.navigation_maps import thing, two_rooms
 from tests.search_views import MadeUpSearch, find
 from tests.small_house import small_house
@@ -385,7 +385,7 @@ def test_labels_of_a_picture_cover_neither_one_another_nor_the_robot(monkeypatch
             self.written.append(place)
             super()._write(text, at, place, *inks)
 
-    monkeypatch.setattr("mpvi_bt.recording.map_canvas.Labels", Kept)
+    monkeypatch.setattr("mpvi_bt.runs.recording.map_canvas.Labels", Kept)
     poses = np.array([[1.0, 2.0, 0.0], [1.1, 2.1, 0.0], [1.3, 2.0, 1.0]])
     things = {f"can__of__soda.n.01_{k}": np.array([1.4 * k, 0.8 + 0.2 * k]) for k in range(1, 5)}
     path_picture(two_rooms(), poses, R1.base.outline, things, things, list(poses))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.prepare import prepare
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.tree.relevant import task_relevant
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.relevant import task_relevant
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.prepare import prepare
 
 SKILLS = load_skills()
 

@@ -8,11 +8,11 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.scene.field import Field, View
-from mpvi_bt.scene.remembered import Remembered
+from mpvi_bt.finding.scene.field import Field, View
+from mpvi_bt.finding.scene.remembered import Remembered
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.protocol import CameraImage
 
 SIZE = (120, 160)
 K = np.array([[130.0, 0, 80], [0, 130.0, 60], [0, 0, 1]])

@@ -13,8 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from mpvi_bt.errors import BadMessage
-from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
+from mpvi_bt.executive.remote.codec import MAX_BYTES, pack, unpack
+from mpvi_bt.ground.errors import BadMessage
 from tests.openpi_env import openpi_python
 
 DTYPES = st.sampled_from(["|b1", "|i1", "<i2", ">i4", "<i8", "|u1", "<u2", ">u8", "<f2", "<f4", ">f8", "<U5", "|S3"])

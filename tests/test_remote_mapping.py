@@ -15,12 +15,12 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
-from mpvi_bt.remote import dialect_settings as settings_module
-from mpvi_bt.remote.dialect_settings import CAMERAS, Action, DialectSettings, Observation, load_settings
-from mpvi_bt.remote.wire_mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
+from mpvi_bt.executive.remote import dialect_settings as settings_module
+from mpvi_bt.executive.remote.dialect_settings import CAMERAS, Action, DialectSettings, Observation, load_settings
+from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, PolicyError, UnknownName, UserError
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.numbered_body import numbered_body
 from tests.openpi_env import openpi_python
@@ -314,7 +314,7 @@ def test_a_user_folder_of_policies_is_found(tmp_path: Path, monkeypatch: pytest.
                         x, max_size=4)), max_leaves=15))  # fmt: skip
 def test_any_data_are_settings_or_have_problems(data: Any) -> None:
     """Whatever stands in a file, it is settings or a list of problems, never another exception."""
-    from mpvi_bt.marked_yaml import parse_marked
+    from mpvi_bt.ground.marked_yaml import parse_marked
 
     try:
         settings_module.check_settings(*parse_marked(json.dumps({"action": {}, "settings": data}), "x.yaml"))

@@ -17,22 +17,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wcwidth import wcswidth
 
-from mpvi_bt.behaviors.parameters import Limit, Memory, NavigateTo, OnFailure
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.cli.render import render
-from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
-from mpvi_bt.drawing.dot import dot_tree
-from mpvi_bt.drawing.svg import svg_tree
-from mpvi_bt.drawing.symbols import _SIGNS, MARKS, outcome, standing, state_style
-from mpvi_bt.drawing.text import ascii_tree, time_text, tree_lines, unicode_tree, where
-from mpvi_bt.errors import UserError
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.executive.loop import Watcher, World
-from mpvi_bt.trace.html import tree_page
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
-from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.yaml_io import expanded, parse_tree
+from mpvi_bt.apps.cli.render import render
+from mpvi_bt.executive.behaviors.parameters import Limit, Memory, NavigateTo, OnFailure
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.drawing.cells import columns, cut, one_line, wrapped
+from mpvi_bt.executive.drawing.dot import dot_tree
+from mpvi_bt.executive.drawing.svg import svg_tree
+from mpvi_bt.executive.drawing.symbols import _SIGNS, MARKS, outcome, standing, state_style
+from mpvi_bt.executive.drawing.text import ascii_tree, time_text, tree_lines, unicode_tree, where
+from mpvi_bt.executive.ticking.dry import dry_tree, run_dry
+from mpvi_bt.executive.ticking.loop import Watcher, World
+from mpvi_bt.executive.trace.html import tree_page
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.tree.state import NodeState
+from mpvi_bt.executive.tree.yaml_io import expanded, parse_tree
+from mpvi_bt.ground.errors import UserError
 from tests.tree_strategies import trees
 
 ROOT = Path(__file__).parent.parent
@@ -436,7 +436,7 @@ def test_what_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_drawing_needs_no_simulator(form: str, run: Path) -> None:
     """A tree and a trace are drawn with none of py_trees, numpy and the simulator."""
     code = (
-        "import sys\nfrom mpvi_bt.cli import main\n"
+        "import sys\nfrom mpvi_bt.apps.cli import main\n"
         f"for what in ('picking_up_trash', {str(run)!r}):\n"
         f"    try: main(['render', what, '--format', {form!r}])\n"
         "    except SystemExit as end: assert end.code in (0, None), end.code\n"

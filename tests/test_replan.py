@@ -11,32 +11,32 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.behaviors.context import Context
-from mpvi_bt.behaviors.question import HANDOVER_S
-from mpvi_bt.errors import BackendError, ModelError, MpviError, NodeError, UserError
-from mpvi_bt.executive.debugger import Debugger
-from mpvi_bt.executive.dry import EmptyWorld, dry_context
-from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.executive.replanning import Replanner
-from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
-from mpvi_bt.language.chat import Answer
-from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.plan.history import History, SeenThing
-from mpvi_bt.plan.planners import NoPlan, Planned
-from mpvi_bt.plan.schema import Plan
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.trace.diff import diff
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.html import trace_page
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.build import Substitute, Tree
-from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.substitute import Rules, check_rules, stand_ins
-from mpvi_bt.tree.yaml_io import expanded, from_expanded, parse_tree
+from mpvi_bt.executive.behaviors.context import Context
+from mpvi_bt.executive.behaviors.question import HANDOVER_S
+from mpvi_bt.executive.language.chat import Answer
+from mpvi_bt.executive.plan.history import History, SeenThing
+from mpvi_bt.executive.plan.planners import NoPlan, Planned
+from mpvi_bt.executive.plan.schema import Plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.debugger import Debugger
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context
+from mpvi_bt.executive.ticking.live import LiveTree
+from mpvi_bt.executive.ticking.loop import Outcome, Subscriber, Watcher, World, run_episode
+from mpvi_bt.executive.ticking.replanning import Replanner
+from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.executive.trace.diff import diff
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.html import trace_page
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.build import Substitute, Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.substitute import Rules, check_rules, stand_ins
+from mpvi_bt.executive.tree.yaml_io import expanded, from_expanded, parse_tree
+from mpvi_bt.ground.errors import BackendError, ModelError, MpviError, NodeError, UserError
+from mpvi_bt.ground.marked_yaml import parse_marked
+from mpvi_bt.runs.recording.recorder import Recorder
 
 SKILLS = load_skills()
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.cli.group import run
-from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.schema import load_plan
-from mpvi_bt.trace.read import read_trace
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.executive.plan.answer_form import answer_text
+from mpvi_bt.executive.plan.schema import load_plan
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.ground import paths
 from tests.chat_servers import ChatServer, completion
 
 TRASH = load_plan(paths.find("tasks/plans", "picking_up_trash"))

@@ -7,19 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.episode.episode import run
-from mpvi_bt.episode.prepare import prepare
-from mpvi_bt.language.scripted_model import ScriptedChatModel
-from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.language_planner import LanguagePlanner
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.schema import Plan
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.compile import compile_plan
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.plan.answer_form import answer_text
+from mpvi_bt.executive.plan.language_planner import LanguagePlanner
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.schema import Plan
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.planning import ground
+from mpvi_bt.runs.episode.episode import run
+from mpvi_bt.runs.episode.prepare import prepare
 
 RIGHT = RecordedPlanner().plan("picking_up_trash")
 

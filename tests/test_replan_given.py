@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.prepare import Prepared, prepare, prepare_episode
-from mpvi_bt.errors import UserError
-from mpvi_bt.plan.later import LaterPlanner
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.tree.compile import compile_plan, parse_on_failure
-from mpvi_bt.tree.lint import lint
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.plan.later import LaterPlanner
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.compile import compile_plan, parse_on_failure
+from mpvi_bt.executive.tree.lint import lint
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.prepare import Prepared, prepare, prepare_episode
 from tests.conftest import Shell
 
 SKILLS = load_skills()

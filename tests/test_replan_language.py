@@ -10,24 +10,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.context import Failure
-from mpvi_bt.errors import ModelError
-from mpvi_bt.executive.dry import EmptyWorld, dry_context
-from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
-from mpvi_bt.executive.replanning import Replanner, history_of, things
-from mpvi_bt.language.chat import Message
-from mpvi_bt.language.scripted_model import Says, ScriptedChatModel
-from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.history import LONGEST, History, SeenThing, Unit
-from mpvi_bt.plan.language_planner import LanguagePlanner
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.prompt import LONGEST_SITUATION
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import Entry
+from mpvi_bt.executive.behaviors.context import Failure
+from mpvi_bt.executive.language.chat import Message
+from mpvi_bt.executive.language.scripted_model import Says, ScriptedChatModel
+from mpvi_bt.executive.plan.answer_form import answer_text
+from mpvi_bt.executive.plan.history import LONGEST, History, SeenThing, Unit
+from mpvi_bt.executive.plan.knowledge import Entry
+from mpvi_bt.executive.plan.language_planner import LanguagePlanner
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.prompt import LONGEST_SITUATION
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context
+from mpvi_bt.executive.ticking.loop import Outcome, Watcher, World, run_episode
+from mpvi_bt.executive.ticking.replanning import Replanner, history_of, things
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
 from tests.test_replan import OLD, dry_rules, units
 
 SKILLS = load_skills()
@@ -224,7 +224,7 @@ def test_what_was_seen_is_told_what_is_carried_first() -> None:
 
 def test_the_checkers_last_answers_are_told() -> None:
     """A unit that ran out of time says little; why the checker said no says more."""
-    from mpvi_bt.behaviors.context import Query
+    from mpvi_bt.executive.behaviors.context import Query
 
     tree = Tree(compile_plan(OLD, SKILLS, "replan"))
     context = dry_context(EmptyWorld(), tree, SKILLS)

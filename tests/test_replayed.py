@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.episode import run
-from mpvi_bt.recording.demonstration_recorder import DemonstrationRecorder
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
+from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
 
 EXPERT = EpisodeConfig("picking_up_trash", policy="expert", detector="oracle", checker="oracle")
 ALONE = EpisodeConfig("picking_up_trash", planner="none", drive="policy", detector="oracle", checker="oracle")

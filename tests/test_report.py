@@ -9,18 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.score import score
-from mpvi_bt.drawing.cells import WIDTH
-from mpvi_bt.episode.result import Grasps, Result
-from mpvi_bt.report import closing_table as for_people
-from mpvi_bt.report import data as for_programs
-from mpvi_bt.report.closing_table import FIGURES, troubles
-from mpvi_bt.report.figures import figures
-from mpvi_bt.report.runs import runs_of
-from mpvi_bt.suite.at_work import FILE as AT_WORK
-from mpvi_bt.suite.at_work import AtWork, note, read
-from mpvi_bt.suite.store import Fault, Store
+from mpvi_bt.apps.cli.score import score
+from mpvi_bt.executive.drawing.cells import WIDTH
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import Grasps, Result
+from mpvi_bt.runs.report import closing_table as for_people
+from mpvi_bt.runs.report import data as for_programs
+from mpvi_bt.runs.report.closing_table import FIGURES, troubles
+from mpvi_bt.runs.report.figures import figures
+from mpvi_bt.runs.report.runs import runs_of
+from mpvi_bt.runs.suite.at_work import FILE as AT_WORK
+from mpvi_bt.runs.suite.at_work import AtWork, note, read
+from mpvi_bt.runs.suite.store import Fault, Store
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 from tests.synthetic_suites import synthetic_runs

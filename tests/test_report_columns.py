@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.cli.group import run
-from mpvi_bt.report.chosen_columns import COLUMNS, KNOWN, PAPER
-from mpvi_bt.report.figures import figures
-from mpvi_bt.report.latex import report_latex
-from mpvi_bt.report.rows import report_csv
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.runs.report.chosen_columns import COLUMNS, KNOWN, PAPER
+from mpvi_bt.runs.report.figures import figures
+from mpvi_bt.runs.report.latex import report_latex
+from mpvi_bt.runs.report.rows import report_csv
 from tests.suite_runs import ROOT
 from tests.synthetic_suites import synthetic_runs
 from tests.test_report_several import folder

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import ConditionRecord, FailureRecord, Result, Score
-from mpvi_bt.errors import UnknownName
-from mpvi_bt.report.compare import compare
-from mpvi_bt.report.failures import count_failures, predicates, reason
-from mpvi_bt.report.figures import figures
-from mpvi_bt.report.official import official_summary
-from mpvi_bt.report.paper import paper_mean, paper_scores
-from mpvi_bt.report.runs import MEASURES, Runs
-from mpvi_bt.report.tables import instance_table
-from mpvi_bt.suite.store import Fault, Store
+from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import ConditionRecord, FailureRecord, Result, Score
+from mpvi_bt.runs.report.compare import compare
+from mpvi_bt.runs.report.failures import count_failures, predicates, reason
+from mpvi_bt.runs.report.figures import figures
+from mpvi_bt.runs.report.official import official_summary
+from mpvi_bt.runs.report.paper import paper_mean, paper_scores
+from mpvi_bt.runs.report.runs import MEASURES, Runs
+from mpvi_bt.runs.report.tables import instance_table
+from mpvi_bt.runs.suite.store import Fault, Store
 from tests.fake_episodes import fake_result
 from tests.synthetic_suites import synthetic_runs
 

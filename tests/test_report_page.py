@@ -13,21 +13,21 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import ConditionRecord, FailureRecord, Result
-from mpvi_bt.episode.way import Way
-from mpvi_bt.report.data import report_data
-from mpvi_bt.report.figures import figures
-from mpvi_bt.report.markdown import plain, report_markdown
-from mpvi_bt.report.page import report_page
-from mpvi_bt.report.paper import paper_scores
-from mpvi_bt.report.plot_svg import method_colors
-from mpvi_bt.report.plots import improvement_plot, method_plot, shown_tasks
-from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.statistics import Estimate
-from mpvi_bt.report.tables import comparison_text, missing_table, percent, told
-from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.tree.yaml_io import expanded, parse_tree
+from mpvi_bt.executive.tree.yaml_io import expanded, parse_tree
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import ConditionRecord, FailureRecord, Result
+from mpvi_bt.runs.episode.way import Way
+from mpvi_bt.runs.report.data import report_data
+from mpvi_bt.runs.report.figures import figures
+from mpvi_bt.runs.report.markdown import plain, report_markdown
+from mpvi_bt.runs.report.page import report_page
+from mpvi_bt.runs.report.paper import paper_scores
+from mpvi_bt.runs.report.plot_svg import method_colors
+from mpvi_bt.runs.report.plots import improvement_plot, method_plot, shown_tasks
+from mpvi_bt.runs.report.runs import Runs
+from mpvi_bt.runs.report.statistics import Estimate
+from mpvi_bt.runs.report.tables import comparison_text, missing_table, percent, told
+from mpvi_bt.runs.suite.store import Fault, Store
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 from tests.synthetic_suites import TASKS, synthetic_runs

@@ -13,15 +13,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.group import run
-from mpvi_bt.errors import UserError
-from mpvi_bt.report.figures import figures
-from mpvi_bt.report.latex import plain, report_latex
-from mpvi_bt.report.several import SuiteFolder, notes, together
-from mpvi_bt.report.tables import method_note
-from mpvi_bt.suite.manifest import make_manifest
-from mpvi_bt.suite.store import Store
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.report.figures import figures
+from mpvi_bt.runs.report.latex import plain, report_latex
+from mpvi_bt.runs.report.several import SuiteFolder, notes, together
+from mpvi_bt.runs.report.tables import method_note
+from mpvi_bt.runs.suite.manifest import make_manifest
+from mpvi_bt.runs.suite.store import Store
 from tests.synthetic_suites import synthetic_result, synthetic_runs
 
 

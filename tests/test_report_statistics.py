@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.report.statistics import (
+from mpvi_bt.runs.report.statistics import (
     Array,
     Chance,
     Estimate,

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.executive.loop import Watcher, World, run_episode
-from mpvi_bt.extras import install
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.rerun_log import RerunLog, require_sdk
-from mpvi_bt.recording.search_view import Window
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.loop import Watcher, World, run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.errors import BackendError, UserError
+from mpvi_bt.ground.extras import install
+from mpvi_bt.runs.recording.rerun_log import RerunLog, require_sdk
+from mpvi_bt.runs.recording.search_view import Window
 from mpvi_bt.testing import scripted_context
-from mpvi_bt.tree.build import Tree
 from tests.conftest import Shell
 from tests.search_views import MadeUpSearch, box, find, look
 from tests.test_recorders import SPEC, Interrupting, VisibleWorld, watch

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.suite.manifest import make_manifest
-from mpvi_bt.suite.store import Store
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.suite.manifest import make_manifest
+from mpvi_bt.runs.suite.store import Store
 from tests.fake_episodes import fake_result
 
 ROOT = Path(__file__).parent.parent

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.group import run
-from mpvi_bt.errors import UserError
-from mpvi_bt.report.several import SuiteFolder
-from mpvi_bt.report.told import Told
-from mpvi_bt.suite.manifest import FILE, make_manifest
-from mpvi_bt.suite.runner import run_suite
-from mpvi_bt.suite.store import Store
-from mpvi_bt.suite.suites import load_suite
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.report.several import SuiteFolder
+from mpvi_bt.runs.report.told import Told
+from mpvi_bt.runs.suite.manifest import FILE, make_manifest
+from mpvi_bt.runs.suite.runner import run_suite
+from mpvi_bt.runs.suite.store import Store
+from mpvi_bt.runs.suite.suites import load_suite
 from tests.fake_episodes import fake_result
 from tests.suite_runs import EPISODES, FAKE, Heard, processes
 

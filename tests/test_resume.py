@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.trace.read import read_trace
+from mpvi_bt.executive.trace.read import read_trace
 from tests.conftest import Shell
 
 TREE = """\
@@ -115,7 +115,7 @@ def test_it_goes_on_from_another_folder(mpvi: Shell, tmp_path: Path) -> None:
 @pytest.mark.render
 def test_an_episode_goes_on_in_the_simulator(mpvi: Shell, tmp_path: Path) -> None:
     """Ctrl-C while a hand is busy; then the rest, to the task's goal, with the whole way counted."""
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", "run", "picking_up_trash"]
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", "run", "picking_up_trash"]
     command += ["--detector", "oracle"]  # it is not the search that is tried here
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True, env=os.environ)
     assert process.stdout

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import UserError
-from mpvi_bt.robot.fetch import FETCH
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.retargeting import as_r1pro, from_r1pro
+from mpvi_bt.executive.remote.retargeting import as_r1pro, from_r1pro
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.hands.robots.fetch import FETCH
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1pro import R1PRO
 
 REST = [1.025, -1.45, -0.47, 0.0]  # of the trunk, where an episode of BEHAVIOR begins
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.cli.score import score
-from mpvi_bt.drawing.symbols import MARKS
+from mpvi_bt.apps.cli.score import score
+from mpvi_bt.executive.drawing.symbols import MARKS
+from mpvi_bt.ground import paths
 from tests.conftest import Shell
 
 
@@ -217,7 +217,7 @@ def test_the_result_is_printed_as_json_and_written(mpvi: Shell, tmp_path: Path) 
 @pytest.mark.slow
 def test_interrupt_ends_with_130_and_a_result(tmp_path: Path) -> None:
     """Ctrl-C in the middle of an episode closes it: a result that says so, no traceback, exit code 130."""
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()"]
     command += ["run", "picking_up_trash", "--checker", "oracle", "--detector", "oracle"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout
@@ -244,7 +244,7 @@ def test_without_a_rendering_device_one_line_says_so(mpvi: Shell) -> None:
 def test_on_a_terminal_nothing_is_written_into_the_drawing(tmp_path: Path) -> None:
     """What is said on stderr comes before the tree is first drawn, so that each drawing covers the one before."""
     parent, child = pty.openpty()
-    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()"]
     command += ["run", "picking_up_trash", "--checker", "oracle", "--detector", "oracle", "--tree", "hello"]
     process = subprocess.Popen(command, cwd=tmp_path, stdin=child, stdout=child, stderr=child)
     os.close(child)

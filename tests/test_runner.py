@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.cli.suite import suite
-from mpvi_bt.episode.result import read_result
-from mpvi_bt.errors import UserError
-from mpvi_bt.instances.human import human_stats
-from mpvi_bt.suite.at_work import FILE as AT_WORK
-from mpvi_bt.suite.processes import WALL_LIMIT_S, ProcessEngine
-from mpvi_bt.suite.runner import run_suite
-from mpvi_bt.suite.store import Store
+from mpvi_bt.apps.cli.suite import suite
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.house.instances.human import human_stats
+from mpvi_bt.runs.episode.result import read_result
+from mpvi_bt.runs.suite.at_work import FILE as AT_WORK
+from mpvi_bt.runs.suite.processes import WALL_LIMIT_S, ProcessEngine
+from mpvi_bt.runs.suite.runner import run_suite
+from mpvi_bt.runs.suite.store import Store
 from tests.suite_runs import EPISODES, Heard, launch, processes, running, started, wait_until
 
 
@@ -199,7 +199,7 @@ def test_nothing_is_started_when_all_is_there(tmp_path: Path, log: Path) -> None
 
 def test_a_resumed_run_keeps_the_order_of_the_whole(tmp_path: Path, log: Path) -> None:
     """What is left begins in the order that it had: a task without a result comes before another's second one."""
-    from mpvi_bt.suite.schedule import in_rounds
+    from mpvi_bt.runs.suite.schedule import in_rounds
     from tests.fake_episodes import fake_result
 
     store, budget_s = Store(tmp_path / "out"), {"picking_up_trash": 10.0, "turning_on_radio": 1.0}

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mpvi_bt import paths
-from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.problem import BddlProblem, Fact, load_problem, parse_problem
-from mpvi_bt.house.boards import ABOVE_M, ASKEW_RAD, FRONT_M, GAPS_M
-from mpvi_bt.house.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M, Ground
-from mpvi_bt.house.house import load_house
-from mpvi_bt.house.prior_map import obstacles, prior_map
-from mpvi_bt.instances.sampling import OPEN, Start, sample, scene_names
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import BackendError, UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.house.goals.formula import Literal
+from mpvi_bt.house.goals.problem import BddlProblem, Fact, load_problem, parse_problem
+from mpvi_bt.house.instances.sampling import OPEN, Start, sample, scene_names
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.layout.boards import ABOVE_M, ASKEW_RAD, FRONT_M, GAPS_M
+from mpvi_bt.house.layout.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M, Ground
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.prior_map import obstacles, prior_map
+from mpvi_bt.house.things.catalogue import load_catalogue
 from tests.small_house import small_house
 
 HOUSE, CATALOGUE = load_house(), load_catalogue()

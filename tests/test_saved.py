@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.prepare import prepare_saved
-from mpvi_bt.episode.saved_episode import Keeper, SavedSettings, load_saved
-from mpvi_bt.errors import UserError
-from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.tree.substitute import load_rules
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_tree, run_dry
+from mpvi_bt.executive.tree.substitute import load_rules
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.prepare import prepare_saved
+from mpvi_bt.runs.episode.saved_episode import Keeper, SavedSettings, load_saved
 
 TREE = """\
 tree: t

@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.parameters import Message, NavigateTo
-from mpvi_bt.behaviors.stand_ins import StandIn
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.executive.dry import EmptyWorld, dry_context
-from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
-from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.behaviors.parameters import Message, NavigateTo
+from mpvi_bt.executive.behaviors.stand_ins import StandIn
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context
+from mpvi_bt.executive.ticking.loop import Outcome, Watcher, World, run_episode
+from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.saving import restore
+from mpvi_bt.executive.tree.spec import NodeSpec, Placed, TreeSpec
+from mpvi_bt.executive.tree.state import NodeState
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.saving import restore
-from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
-from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.yaml_io import parse_tree
 
 SKILLS = load_skills()
 PLACES = {"cup": (1.0, 0.0), "sink": (0.0, 2.0)}

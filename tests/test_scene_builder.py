@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.errors import FileProblems, UnknownName
+from mpvi_bt.ground.errors import FileProblems, UnknownName
 from mpvi_bt.testing import SceneBuilder
 
 

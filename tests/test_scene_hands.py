@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES, Proprioception, Side
-from mpvi_bt.scene.carrying import BoxAbout
-from mpvi_bt.scene.hands import TOUCH, Hand, HandTracker
+from mpvi_bt.finding.scene.carrying import BoxAbout
+from mpvi_bt.finding.scene.hands import TOUCH, Hand, HandTracker
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
+from mpvi_bt.hands.robots import r1
 
 BOX = np.array([[-0.05, -0.05, 0.0], [0.05, 0.05, 0.1]])
 

@@ -14,15 +14,15 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 
-from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.cli.editor_schema import schema
-from mpvi_bt.cli.listing import list_
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.marked_yaml import load_marked, parse_marked
-from mpvi_bt.tree.json_schema import schema_text, tree_schema
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.apps.cli.editor_schema import schema
+from mpvi_bt.apps.cli.listing import list_
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.tree.json_schema import schema_text, tree_schema
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems
+from mpvi_bt.ground.marked_yaml import load_marked, parse_marked
 from tests.tree_strategies import trees
 
 FILE = paths.shipped() / "trees" / "schema" / "tree.json"
@@ -171,8 +171,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mpvi_bt.behaviors.parameters import Parameters
-from mpvi_bt.behaviors.registry import NodeType
+from mpvi_bt.executive.behaviors.parameters import Parameters
+from mpvi_bt.executive.behaviors.registry import NodeType
 
 
 class Tune(Parameters):
@@ -199,7 +199,7 @@ def plugin(tmp_path: Path) -> Path:
 
 def mpvi(plugin: Path, *args: str) -> subprocess.CompletedProcess[str]:
     """`mpvi` where that package is installed."""
-    code = f"import sys; sys.path.insert(0, {str(plugin)!r}); from mpvi_bt.cli import main; main()"
+    code = f"import sys; sys.path.insert(0, {str(plugin)!r}); from mpvi_bt.apps.cli import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *args], cwd=plugin, capture_output=True, text=True, timeout=60, check=False
     )

@@ -9,14 +9,14 @@ from typing import Any, cast
 
 import pytest
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.scripted_policy import Performance, ScriptedPolicy
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import SkillCall, load_skills
-from mpvi_bt.robot.motion import MotionFailure
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.scene import Scene
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skills import SkillCall, load_skills
+from mpvi_bt.finding.scene.scene import Scene
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.motion import MotionFailure
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from tests.serving import observation
 
 PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"

@@ -12,16 +12,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from mpvi_bt.behaviors.context import Context, Failure
-from mpvi_bt.behaviors.parameters import NavigateTo
-from mpvi_bt.errors import DetectorError
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.navigation.exploring import ExploringNavigator
-from mpvi_bt.perception.detector import Detection, GuardedDetector
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.behaviors.context import Context, Failure
+from mpvi_bt.executive.behaviors.parameters import NavigateTo
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.finding.navigation.exploring import ExploringNavigator
+from mpvi_bt.finding.perception.detector import Detection, GuardedDetector
+from mpvi_bt.ground.errors import DetectorError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage
 from tests.depth_pictures import walls
 from tests.navigation_maps import put_box, thing, two_rooms
 from tests.test_exploring import CUP, BoxDetector, Seeing, box_of, exploring, house

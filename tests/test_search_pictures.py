@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.perception.detector import ROBOT
-from mpvi_bt.recording import search_colors as colors
-from mpvi_bt.recording.frame_text import SIZE, Caption
-from mpvi_bt.recording.labels import Color, Labels, Picture
-from mpvi_bt.recording.map_picture import MapPicture
-from mpvi_bt.recording.search_frames import SearchFrames
-from mpvi_bt.recording.search_view import SearchView, Window, found, seen_m2, visible
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.finding.perception.detector import ROBOT
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.runs.recording import search_colors as colors
+from mpvi_bt.runs.recording.frame_text import SIZE, Caption
+from mpvi_bt.runs.recording.labels import Color, Labels, Picture
+from mpvi_bt.runs.recording.map_picture import MapPicture
+from mpvi_bt.runs.recording.search_frames import SearchFrames
+from mpvi_bt.runs.recording.search_view import SearchView, Window, found, seen_m2, visible
 from tests.navigation_maps import thing
 from tests.search_views import MadeUpSearch, box, find, look
 

@@ -8,22 +8,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.perception.phrases import kinds
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, bounds
-from mpvi_bt.scene import memory
-from mpvi_bt.scene import seen as module
-from mpvi_bt.scene.hands import TOUCH
-from mpvi_bt.scene.occupancy import Occupancy
-from mpvi_bt.scene.seen import Seen
-from mpvi_bt.scene.thing import SeenThing
-from mpvi_bt.shapes.furniture_shape import furniture
-from mpvi_bt.shapes.moving_parts import Door
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene import memory
+from mpvi_bt.finding.scene import seen as module
+from mpvi_bt.finding.scene.hands import TOUCH
+from mpvi_bt.finding.scene.occupancy import Occupancy
+from mpvi_bt.finding.scene.seen import Seen
+from mpvi_bt.finding.scene.thing import SeenThing
+from mpvi_bt.finding.shapes.furniture_shape import furniture
+from mpvi_bt.finding.shapes.moving_parts import Door
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, bounds
+from mpvi_bt.ground.robot.motion import MotionFailure
+from mpvi_bt.ground.robot.protocol import ActionLayout, Proprioception, Side
+from mpvi_bt.ground.words.phrases import kinds
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.world import World
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, run, small_world
 

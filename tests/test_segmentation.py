@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.perception.detector import ROBOT, GuardedDetector
-from mpvi_bt.perception.segmentation import LOWEST_SCORE, NO_ERRORS, DetectionErrors, SegmentationDetector
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.finding.perception.detector import ROBOT, GuardedDetector
+from mpvi_bt.finding.perception.segmentation import LOWEST_SCORE, NO_ERRORS, DetectionErrors, SegmentationDetector
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.testing import check_detector
 
 VOCABULARY = {"can.n.01_1": ("can of soda", "soda can"), "can.n.01_2": ("can of soda",), "bin": ("trash can",)}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.skills import load_skills
 
 SKILLS = load_skills()
 

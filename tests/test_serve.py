@@ -23,13 +23,13 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from mpvi_bt.errors import BadMessage
-from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
-from mpvi_bt.remote.observation import Vocabulary, read_observation, write_observation
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.policy_server import PolicyServer
-from mpvi_bt.remote.server import MOST_CLIENTS
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.remote.codec import MAX_BYTES, pack, unpack
+from mpvi_bt.executive.remote.observation import Vocabulary, read_observation, write_observation
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.executive.remote.policy_server import PolicyServer
+from mpvi_bt.executive.remote.server import MOST_CLIENTS
+from mpvi_bt.ground.errors import BadMessage
+from mpvi_bt.ground.geometry.solids import Array
 from tests.serving import ask, client, grip, observation, received, serving
 
 
@@ -433,7 +433,7 @@ def test_too_many_clients_are_told_so() -> None:
 
 def test_idle_clients_make_room_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many as there may be that ask nothing are told to go (1001); who asks now and then stays."""
-    monkeypatch.setattr("mpvi_bt.remote.server.MOST_CLIENTS", 4)
+    monkeypatch.setattr("mpvi_bt.executive.remote.server.MOST_CLIENTS", 4)
     with serving(lambda _: Probe(), idle_s=2.0) as server, contextlib.ExitStack() as stack:
         busy, *idle = [stack.enter_context(client(server)) for _ in range(4)]
         received(busy)
@@ -553,8 +553,8 @@ def test_reading_says_where() -> None:
 PICTURES = """
 import asyncio, resource
 import numpy as np
-from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.remote.server import SocketServer
+from mpvi_bt.executive.remote.codec import pack, unpack
+from mpvi_bt.executive.remote.server import SocketServer
 from tests.serving import grip
 
 frame = pack({str(k): np.zeros((224, 224, 7), np.uint8) for k in range(3)})

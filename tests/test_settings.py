@@ -12,15 +12,15 @@ import pytest
 from click.testing import CliRunner
 
 import mpvi_bt
-from mpvi_bt import paths
-from mpvi_bt.choices.config import ALWAYS, ASKING, METHOD, OUTPUTS, RECORDED, SETTINGS, EpisodeConfig
-from mpvi_bt.choices.methods import Method, load_method
-from mpvi_bt.cli.run import run
-from mpvi_bt.cli.setting_options import method
-from mpvi_bt.cli.suite import suite
-from mpvi_bt.episode.saved_episode import SavedSettings
-from mpvi_bt.errors import UserError
-from mpvi_bt.robot.robots import ROBOTS
+from mpvi_bt.apps.cli.run import run
+from mpvi_bt.apps.cli.setting_options import method
+from mpvi_bt.apps.cli.suite import suite
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.robots import ROBOTS
+from mpvi_bt.runs.choices.config import ALWAYS, ASKING, METHOD, OUTPUTS, RECORDED, SETTINGS, EpisodeConfig
+from mpvi_bt.runs.choices.methods import Method, load_method
+from mpvi_bt.runs.episode.saved_episode import SavedSettings
 
 FIELDS = {field.name: field for field in fields(EpisodeConfig)}
 OTHER = {  # a value of each setting of a method that is not as by default

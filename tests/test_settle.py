@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion import carry
-from mpvi_bt.manipulation.motion.carry import settle, tuck
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array, Solid, box
-from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import ActionLayout, Proprioception, Side
+from mpvi_bt.hands.motion import carry
+from mpvi_bt.hands.motion.carry import settle, tuck
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
 from tests.test_looking_down import HANDS
 from tests.test_motion import play, reaching

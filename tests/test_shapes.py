@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.solids import Array, Solid, box, pose
-from mpvi_bt.shapes.fit import fit
-from mpvi_bt.shapes.outlines import circle, main_cluster, outline, support_height, thinned
-from mpvi_bt.shapes.shape import Shape
+from mpvi_bt.finding.shapes.fit import fit
+from mpvi_bt.finding.shapes.outlines import circle, main_cluster, outline, support_height, thinned
+from mpvi_bt.finding.shapes.shape import Shape
+from mpvi_bt.ground.geometry.solids import Array, Solid, box, pose
+from mpvi_bt.ground.robot.collision import Surroundings
 
 EYE = np.array([-0.7, 0.0, 1.4])
 LEVEL_M = 0.6

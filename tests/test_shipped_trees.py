@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.trace.read import read_trace
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.ground import paths
 from tests.conftest import Shell
 
 pytestmark = [pytest.mark.slow, pytest.mark.render]

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.things.catalogue import load_catalogue
-from mpvi_bt.things.families import FAMILIES
-from mpvi_bt.things.family_page import families, family_page
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.house.things.families import FAMILIES
+from mpvi_bt.house.things.family_page import families, family_page
 from tests.conftest import Shell
 
 DOCS = Path(__file__).parent.parent / "docs"

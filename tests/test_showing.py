@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.completion.triggers import ProprioceptiveTriggers
-from mpvi_bt.manipulation.motion.gaze import look_into
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.scripted_policy import Performance, ScriptedPolicy
-from mpvi_bt.manipulation.policies.showing import done_at, fell_beside, step_up, views
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.completion.triggers import ProprioceptiveTriggers
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Side
+from mpvi_bt.hands.motion.gaze import look_into
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
+from mpvi_bt.hands.policies.showing import done_at, fell_beside, step_up, views
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 

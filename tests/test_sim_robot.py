@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import BackendError, NoRenderingDevice
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.errors import BackendError, NoRenderingDevice
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.sim.world import World
 from mpvi_bt.testing import check_robot
 from tests.small_house import placed, run, small_world
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.errors import FileProblems
-from mpvi_bt.tree.writer import dump_tree
-from mpvi_bt.tree.yaml_io import parse_tree
-from mpvi_bt.watch.dry_page import drawn as page_of
-from mpvi_bt.watch.sketch_page import sketch_page
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.apps.watch.dry_page import drawn as page_of
+from mpvi_bt.apps.watch.sketch_page import sketch_page
+from mpvi_bt.executive.tree.writer import dump_tree
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import FileProblems
 from tests.test_html import Tags
 
 BROKEN = """\

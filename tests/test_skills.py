@@ -11,15 +11,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode import doers
-from mpvi_bt.marked_yaml import Marks
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skill_phrases import example, filled
-from mpvi_bt.plan.skills import Skill, SkillCall, load_skill, load_skills
-from mpvi_bt.tree.yaml_io import check_tree
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skill_phrases import example, filled
+from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skill, load_skills
+from mpvi_bt.executive.tree.yaml_io import check_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.marked_yaml import Marks
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode import doers
 
 SKILLS = load_skills()
 PHRASES = [(skill.name, phrase) for skill in SKILLS.values() for phrase in skill.phrases]

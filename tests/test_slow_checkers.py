@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.question import HANDOVER_S
-from mpvi_bt.cost import Cost
-from mpvi_bt.errors import NodeError, UserError
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.protocols import Checker, Judgement, TriggerEvent
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.saving import restore, save
+from mpvi_bt.executive.behaviors.question import HANDOVER_S
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.saving import restore, save
+from mpvi_bt.ground.cost import Cost
+from mpvi_bt.ground.errors import NodeError, UserError
+from mpvi_bt.ground.protocols import Checker, Judgement, TriggerEvent
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage
+from mpvi_bt.runs.recording.recorder import Recorder
 from tests.bench import HELD, PICK, Bench
 
 CHECK = f"check_complete: {HELD}"

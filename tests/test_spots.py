@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.goals.next_to import beside as in_line
-from mpvi_bt.goals.predicates import nextto, under
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills import place, spots
-from mpvi_bt.manipulation.skills.placing import Pose, leaning
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.solids import bounds
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.from_above import outline
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.shapes.from_above import outline
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.next_to import beside as in_line
+from mpvi_bt.ground.geometry.solids import bounds
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills import place, spots
+from mpvi_bt.hands.skills.placing import Pose, leaning
+from mpvi_bt.house.goals.predicates import nextto, under
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 WORLD = small_world(table="{entry: table, at: [1.0, 0.0]}")

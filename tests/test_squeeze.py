@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import SIDES, ActionLayout, Proprioception, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.robot.squeeze import pressing, squeezes
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.ground.robot.squeeze import pressing, squeezes
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 
 TORSO = np.array([0.3, 0.0, 0.25, 0.5])
 

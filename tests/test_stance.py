@@ -11,26 +11,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.motion.approach import approach, go_around
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.pick import options as pick_options
-from mpvi_bt.manipulation.stance.detour import Detours
-from mpvi_bt.manipulation.stance.effort import Effort
-from mpvi_bt.manipulation.stance.grasps import grasps
-from mpvi_bt.manipulation.stance.stance import Option, Stance, upright_options
-from mpvi_bt.manipulation.stance.stance_search import Search, _bases
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Body, Load, Surroundings
-from mpvi_bt.robot.linear_algebra import matmul
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Proprioception, Side, other
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array, Solid, box
-from mpvi_bt.scene.held import Held
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.robot.collision import Body, Load, Surroundings
+from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side, other
+from mpvi_bt.hands.motion.approach import approach, go_around
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.hands.skills.pick import options as pick_options
+from mpvi_bt.hands.stance.detour import Detours
+from mpvi_bt.hands.stance.effort import Effort
+from mpvi_bt.hands.stance.grasps import grasps
+from mpvi_bt.hands.stance.stance import Option, Stance, upright_options
+from mpvi_bt.hands.stance.stance_search import Search, _bases
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import ODD, placed, small_world
 
 TABLE = "{entry: table, at: [0.9, 0.6]}"

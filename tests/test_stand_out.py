@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.shapes.fit import fit
+from mpvi_bt.finding.shapes.fit import fit
+from mpvi_bt.ground.geometry.solids import Array
 
 EYE = np.array([-1.0, 0.0, 1.3])
 RADIUS_M, HEIGHT_M, ON_M = 0.045, 0.17, 0.9

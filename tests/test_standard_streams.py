@@ -13,7 +13,7 @@ import pytest
 NOISE = '''
 import ctypes, os, subprocess, sys
 from py_trees.common import Status
-from mpvi_bt.behaviors.node import Leaf
+from mpvi_bt.executive.behaviors.node import Leaf
 
 def shout():
     """By Python, by the descriptor, by C, by a child process."""
@@ -46,7 +46,7 @@ def folder(tmp_path: Path) -> Path:
 
 def mpvi(words: str, folder: Path, redirected: str = "") -> subprocess.CompletedProcess[str]:
     """The command in a shell, with redirections; its code is that of `mpvi`."""
-    line = f"{sys.executable} -m mpvi_bt.cli {words} {redirected}; exit ${{PIPESTATUS[0]}}"
+    line = f"{sys.executable} -m mpvi_bt.apps.cli {words} {redirected}; exit ${{PIPESTATUS[0]}}"
     return subprocess.run(
         ["bash", "-c", line], cwd=folder, input=TREE, capture_output=True, text=True, check=False, timeout=100
     )
@@ -96,7 +96,7 @@ def test_mcp_keeps_its_protocol_to_itself(folder: Path) -> None:
         {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": call},
     )
     with subprocess.Popen(
-        [sys.executable, "-m", "mpvi_bt.cli", "mcp"],
+        [sys.executable, "-m", "mpvi_bt.apps.cli", "mcp"],
         cwd=folder,
         env={**os.environ, "MPVI_PATH": str(folder)},
         stdin=subprocess.PIPE,

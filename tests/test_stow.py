@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.robot.stow import ArmStow
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
+from mpvi_bt.ground.robot.stow import ArmStow
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.testing import KinematicWorld
 
 REACHING = np.array([-0.9, 0.3, 0.0, -0.9, 0.0, 0.2, 0.0])

@@ -9,24 +9,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.approach import close_in
-from mpvi_bt.manipulation.motion.gaze import studied, study
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.looking import look_from_elsewhere
-from mpvi_bt.manipulation.skills.inside import Look, looks_inside
-from mpvi_bt.manipulation.skills.place import place_in
-from mpvi_bt.manipulation.stance.stance import Stance
-from mpvi_bt.manipulation.stance.stance_search import Search
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Body, Surroundings
-from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.geometry.solids import Array, Solid, pose
+from mpvi_bt.ground.robot.collision import Body, Surroundings
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.ground.robot.protocol import ActionLayout, CameraImage, Proprioception
+from mpvi_bt.hands.motion.approach import close_in
+from mpvi_bt.hands.motion.gaze import studied, study
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies.looking import look_from_elsewhere
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1pro import R1PRO
+from mpvi_bt.hands.skills.inside import Look, looks_inside
+from mpvi_bt.hands.skills.place import place_in
+from mpvi_bt.hands.stance.stance import Stance
+from mpvi_bt.hands.stance.stance_search import Search
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 

@@ -11,19 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.errors import FileProblems, NodeError
-from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
-from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context, dry_tree, run_dry
+from mpvi_bt.executive.ticking.loop import Outcome, run_episode
+from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.globs import fits
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.substitute import Rules, load_rules, stand_ins
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import FileProblems, NodeError
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.globs import fits
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.substitute import Rules, load_rules, stand_ins
-from mpvi_bt.tree.yaml_io import parse_tree
 from tests.test_saving import Journal
 
 FETCH = """
@@ -146,7 +146,7 @@ def test_rules_are_read_without_py_trees(tmp_path: Path) -> None:
     """Checking a file of rules loads neither py_trees nor numpy."""
     rules(one("a", "succeed:"), tmp_path)
     code = (
-        "import sys\nfrom mpvi_bt.tree.substitute import load_rules\n"
+        "import sys\nfrom mpvi_bt.executive.tree.substitute import load_rules\n"
         "load_rules('rules.yaml')\nprint([m for m in ('py_trees', 'numpy') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)

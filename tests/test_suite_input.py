@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.group import run
-from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.suite.manifest import make_manifest, read_manifest
-from mpvi_bt.suite.runner import run_suite
-from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.suite.suites import load_suite
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.suite.manifest import make_manifest, read_manifest
+from mpvi_bt.runs.suite.runner import run_suite
+from mpvi_bt.runs.suite.store import Fault, Store
+from mpvi_bt.runs.suite.suites import load_suite
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 from tests.suite_runs import EPISODES, Heard, launch, processes
@@ -123,7 +123,7 @@ def test_a_name_that_stands_there_a_thousand_times_is_looked_up_no_thousand_time
     """That it is repeated is told at once."""
     path = tmp_path / "mine.yaml"
     path.write_text(f"tasks: [{', '.join(['picking_up_trash'] * 1000)}]\ninstances: [0]\n")
-    monkeypatch.setattr("mpvi_bt.suite.suites.load_task", lambda name: pytest.fail("looked up"))
+    monkeypatch.setattr("mpvi_bt.runs.suite.suites.load_task", lambda name: pytest.fail("looked up"))
     with pytest.raises(FileProblems, match="'picking_up_trash' is in tasks twice"):
         load_suite(str(path))
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 import pytest
 
-from mpvi_bt.choices.config import ONE_EPISODES, SETTINGS, EpisodeConfig
-from mpvi_bt.cli.run import run
-from mpvi_bt.cli.suite import suite
-from mpvi_bt.suite.play import Kept
+from mpvi_bt.apps.cli.run import run
+from mpvi_bt.apps.cli.suite import suite
+from mpvi_bt.runs.choices.config import ONE_EPISODES, SETTINGS, EpisodeConfig
+from mpvi_bt.runs.suite.play import Kept
 
 ONLY_RUN = {
     "task": "a suite's file lists tasks; there --task chooses among them",

@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import UnknownName
-from mpvi_bt.goals.predicates import toggled_on
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.switches import PRESSED_STEPS, SWITCH_M
-from mpvi_bt.sim.world import World
-from mpvi_bt.things.catalogue import CatalogueEntry
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.house.goals.predicates import toggled_on
+from mpvi_bt.house.sim.switches import PRESSED_STEPS, SWITCH_M
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 
 AWAY = np.full((4, 3), 9.0)

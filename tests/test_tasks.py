@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, UnknownName, UserError
-from mpvi_bt.goals.problem import activities, load_problem
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.suite.suites import load_suite
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UnknownName, UserError
+from mpvi_bt.house.goals.problem import activities, load_problem
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.suite.suites import load_suite
 
 TASK = """\
 instruction: Put the cans in the bin.

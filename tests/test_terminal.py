@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.group import run
-from mpvi_bt.drawing.cells import harmless
-from mpvi_bt.drawing.terminal import guarded
-from mpvi_bt.errors import Problem, UserError, bounded
-from mpvi_bt.suite.progress import SuiteProgress
-from mpvi_bt.suite.schedule import Pace
-from mpvi_bt.suite.store import Fault
+from mpvi_bt.apps.cli.group import run
+from mpvi_bt.executive.drawing.cells import harmless
+from mpvi_bt.executive.drawing.terminal import guarded
+from mpvi_bt.ground.errors import Problem, UserError, bounded
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.suite.progress import SuiteProgress
+from mpvi_bt.runs.suite.schedule import Pace
+from mpvi_bt.runs.suite.store import Fault
 
 EVIL = "\x1b]0;title\x07 \x1b]8;;http://evil\x1b\\link \x9b38;5;201m \x1b[38;5;201m \u202eback \x1b[2J\rgone \x7f\u2066"
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -93,7 +93,7 @@ def test_programs_get_data_as_they_are(evil: Path, tmp_path: Path) -> None:
     """What is piped to a program is what the file says, marks of direction and all: only a terminal would obey it."""
     text = "tree: right\nabout: \u202eback\nroot:\n  say: x\n"
     done = subprocess.run(
-        [sys.executable, "-m", "mpvi_bt.cli", "fmt", "-"], input=text.encode(), capture_output=True, check=False
+        [sys.executable, "-m", "mpvi_bt.apps.cli", "fmt", "-"], input=text.encode(), capture_output=True, check=False
     )
     assert done.stdout.decode() == text
 

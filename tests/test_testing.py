@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.protocols import Judgement
-from mpvi_bt.robot.protocol import ACTION_SIZE, CameraImage
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Judgement
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CameraImage
 from mpvi_bt.testing import (
     GripPolicy,
     KinematicRobot,

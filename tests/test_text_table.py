@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.drawing.cells import columns
-from mpvi_bt.drawing.text_table import aligned, fitting
+from mpvi_bt.executive.drawing.cells import columns
+from mpvi_bt.executive.drawing.text_table import aligned, fitting
 
 CELL = st.text("ab0\N{SNOWMAN}\N{CJK UNIFIED IDEOGRAPH-4E00}", max_size=9)
 ROWS = st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(CELL, min_size=n, max_size=n), min_size=1))

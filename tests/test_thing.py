@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.solids import Solid
-from mpvi_bt.scene.thing import SeenThing, is_again
-from mpvi_bt.shapes.shape import Shape
+from mpvi_bt.finding.scene.thing import SeenThing, is_again
+from mpvi_bt.finding.shapes.shape import Shape
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Solid
 
 
 def box(name: str, middle: tuple[float, float, float], size: tuple[float, float, float]) -> SeenThing:

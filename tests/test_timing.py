@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.robot.timing import timed
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.timing import timed
+from mpvi_bt.hands.robots import r1
 
 seeds = st.integers(0, 2**32 - 1)
 SPEED, ACCELERATION = r1.ARM_SPEED, r1.ARM_ACCELERATION

@@ -9,9 +9,9 @@ import pytest
 import sapien
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.sim.builder import build_object
-from mpvi_bt.sim.shaders import PHYSICS_HZ, new_scene
-from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
+from mpvi_bt.house.sim.builder import build_object
+from mpvi_bt.house.sim.shaders import PHYSICS_HZ, new_scene
+from mpvi_bt.house.things.catalogue import CatalogueEntry, load_catalogue
 
 BOTTLES = [entry for entry in load_catalogue() if entry.family == "bottle"]
 APART_M = 0.6

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.linear_algebra import norm
-from mpvi_bt.robot.protocol import ACTION_SIZE
-from mpvi_bt.robot.solids import bounds, pose
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import norm
+from mpvi_bt.ground.geometry.solids import bounds, pose
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.house.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, run, small_world
 
 DUST, SPRAY = "dust.n.01", "insectifuge.n.01"

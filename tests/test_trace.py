@@ -20,25 +20,25 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.errors import BackendError, FileProblems, NodeError, UnknownName, UserError
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.monitors.handoff import Handoff
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder
+from mpvi_bt.executive.behaviors.registry import node_types
+from mpvi_bt.executive.monitors.handoff import Handoff
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.dry import dry_tree, run_dry
+from mpvi_bt.executive.ticking.loop import Outcome, Subscriber, Watcher, World, run_episode
+from mpvi_bt.executive.trace.explain import explain
+from mpvi_bt.executive.trace.explain_text import explanation_text
+from mpvi_bt.executive.trace.lines import CheckerAnswer, End, Header, Replanned, Tick
+from mpvi_bt.executive.trace.read import Trace, read_trace
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.reader import MAX_DEPTH
+from mpvi_bt.executive.tree.saving import SavedTree, save
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.tree.state import NodeState
+from mpvi_bt.executive.tree.substitute import load_rules
+from mpvi_bt.executive.tree.yaml_io import from_expanded, parse_tree
+from mpvi_bt.ground.errors import BackendError, FileProblems, NodeError, UnknownName, UserError
+from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.trace.explain import explain
-from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.lines import CheckerAnswer, End, Header, Replanned, Tick
-from mpvi_bt.trace.read import Trace, read_trace
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.reader import MAX_DEPTH
-from mpvi_bt.tree.saving import SavedTree, save
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
-from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.substitute import load_rules
-from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 
 SKILLS = load_skills()
 FETCH = parse_tree(
@@ -592,7 +592,7 @@ def test_a_kind_of_another_package_is_told_with_it(tmp_path: Path, monkeypatch: 
     """Where the package is not installed, one problem says which one the trace needs."""
     dance = replace(node_types()["wait"], kind="dance", factory="my_robot.dancing:Dance")
     point = SimpleNamespace(name="dance", value="my_robot:DANCE", load=lambda: dance)
-    monkeypatch.setattr("mpvi_bt.behaviors.registry.metadata.entry_points", lambda group: [point])
+    monkeypatch.setattr("mpvi_bt.executive.behaviors.registry.metadata.entry_points", lambda group: [point])
     node_types.cache_clear()
     file = tmp_path / "t.jsonl"
     rules = tmp_path / "rules.yaml"
@@ -612,7 +612,7 @@ def test_a_trace_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytes
     """Before it fills the memory."""
     (tmp_path / "t.jsonl").write_text("\n".join([HEAD, ONE, END]))
     read_trace(tmp_path / "t.jsonl")
-    monkeypatch.setattr("mpvi_bt.trace.read.MAX_BYTES", len(HEAD) + 10)
+    monkeypatch.setattr("mpvi_bt.executive.trace.read.MAX_BYTES", len(HEAD) + 10)
     with pytest.raises(FileProblems, match="larger than"):
         read_trace(tmp_path / "t.jsonl")
 

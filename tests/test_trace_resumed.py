@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.executive.saved_run import SavedRun, save_run
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_tree, run_dry
+from mpvi_bt.executive.ticking.saved_run import SavedRun, save_run
+from mpvi_bt.executive.trace.read import read_trace
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.runs.recording.recorder import Recorder
 
 TREE = """\
 tree: laps

@@ -10,20 +10,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt import paths
-from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt, Value
-from mpvi_bt.behaviors.references import fill, resolve
-from mpvi_bt.behaviors.registry import node_type, node_types
-from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.errors import FileProblems, UnknownName
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
-from mpvi_bt.tree.lint import lint
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
-from mpvi_bt.tree.state import NodeState, Status
-from mpvi_bt.tree.yaml_io import dump_tree, expanded, from_expanded, load_tree, parse_tree
+from mpvi_bt.executive.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt, Value
+from mpvi_bt.executive.behaviors.references import fill, resolve
+from mpvi_bt.executive.behaviors.registry import node_type, node_types
+from mpvi_bt.executive.drawing.text import ascii_tree
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
+from mpvi_bt.executive.tree.lint import lint
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.tree.state import NodeState, Status
+from mpvi_bt.executive.tree.yaml_io import dump_tree, expanded, from_expanded, load_tree, parse_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UnknownName
 from tests.test_plan import plans
 from tests.tree_strategies import trees
 

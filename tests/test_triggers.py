@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.completion.triggers import ProprioceptiveTriggers, Thresholds
-from mpvi_bt.errors import UnknownName
-from mpvi_bt.protocols import TriggerEvent
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.completion.triggers import ProprioceptiveTriggers, Thresholds
+from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import TriggerEvent
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from tests.navigation_maps import KinematicRobot
 from tests.test_squeeze import TORSO, facing_hands
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.choices.world_truth import TrueState
+from mpvi_bt.runs.choices.world_truth import TrueState
 from tests.small_house import placed, small_world
 
 

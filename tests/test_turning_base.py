@@ -9,18 +9,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mpvi_bt.navigation.driver import Driver
-from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.grid import shortest_path
-from mpvi_bt.navigation.loaded import loaded_path
-from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.robot.mobile_base import MobileBase
-from mpvi_bt.robot.protocol import Proprioception
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1pro import R1PRO
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.executive.plan.knowledge import KnowledgeBase
+from mpvi_bt.finding.navigation.driver import Driver
+from mpvi_bt.finding.navigation.footprint import Footprint
+from mpvi_bt.finding.navigation.grid import shortest_path
+from mpvi_bt.finding.navigation.loaded import loaded_path
+from mpvi_bt.finding.navigation.traversability import traversability
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.mobile_base import MobileBase
+from mpvi_bt.ground.robot.protocol import Proprioception
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1pro import R1PRO
 from tests.navigation_maps import KinematicRobot, put_box, two_rooms
 from tests.test_driving import Eyes, drive, furnished
 

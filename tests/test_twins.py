@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from mpvi_bt.behaviors.composites import Parallel, Selector, Sequence, UntilComplete
-from mpvi_bt.behaviors.decorators import Invert, Repeat, Retry, Subtree
-from mpvi_bt.behaviors.guards import Condition
-from mpvi_bt.behaviors.node import Leaf, failure_of
+from mpvi_bt.executive.behaviors.composites import Parallel, Selector, Sequence, UntilComplete
+from mpvi_bt.executive.behaviors.decorators import Invert, Repeat, Retry, Subtree
+from mpvi_bt.executive.behaviors.guards import Condition
+from mpvi_bt.executive.behaviors.node import Leaf, failure_of
 from mpvi_bt.testing import KinematicWorld, scripted_context
 
 RUNNING, SUCCESS, FAILURE, INVALID = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID

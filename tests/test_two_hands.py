@@ -11,22 +11,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.goals.predicates import ontop
-from mpvi_bt.manipulation.motion.both_hands import look_over, open_wide, together
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.manipulation.skills.box_grip import Box, behind, boxes_about, carcass, way_behind
-from mpvi_bt.manipulation.skills.lift import lift
-from mpvi_bt.manipulation.skills.set_down import set_down
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import Actions, Motion
-from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.robot.squeeze import squeezes
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import Placement
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
+from mpvi_bt.ground.robot.motion import Actions, Motion
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.ground.robot.squeeze import squeezes
+from mpvi_bt.hands.motion.both_hands import look_over, open_wide, together
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills.box_grip import Box, behind, boxes_about, carcass, way_behind
+from mpvi_bt.hands.skills.lift import lift
+from mpvi_bt.hands.skills.set_down import set_down
+from mpvi_bt.house.goals.predicates import ontop
+from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.truth.expert import ExpertPolicy
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import LARGE, placed, small_world
 from tests.test_open import play

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills import close as closing
-from mpvi_bt.manipulation.skills.close import close, is_closed
-from mpvi_bt.manipulation.skills.open import course_search, is_open, open_
-from mpvi_bt.manipulation.skills.openings import seen_twice, stand_before, stand_before_open
-from mpvi_bt.manipulation.skills.push_courses import pushes
-from mpvi_bt.manipulation.stance.course import CourseSearch
-from mpvi_bt.manipulation.stance.effort import Effort
-from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import box
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.shapes.moving_parts import Door, moved, outward, panel
-from mpvi_bt.sim.world import World
+from mpvi_bt.finding.shapes.moving_parts import Door, moved, outward, panel
+from mpvi_bt.ground.geometry.solids import box
+from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.skills import close as closing
+from mpvi_bt.hands.skills.close import close, is_closed
+from mpvi_bt.hands.skills.open import course_search, is_open, open_
+from mpvi_bt.hands.skills.openings import seen_twice, stand_before, stand_before_open
+from mpvi_bt.hands.skills.push_courses import pushes
+from mpvi_bt.hands.stance.course import CourseSearch
+from mpvi_bt.hands.stance.effort import Effort
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import small_world
 
 CABINET = "{entry: base_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"

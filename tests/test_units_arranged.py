@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.behaviors.context import WatchedHandoff
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.lateness import LateChecker, latency_of
-from mpvi_bt.episode.handoffs import read_handoffs
-from mpvi_bt.episode.prepare import check_watched, prepare
-from mpvi_bt.episode.result import write_result
-from mpvi_bt.errors import UserError
-from mpvi_bt.monitors.calibration import Calibration, SkillThresholds
-from mpvi_bt.monitors.signals import SIGNALS
-from mpvi_bt.protocols import Judgement
+from mpvi_bt.executive.behaviors.context import WatchedHandoff
+from mpvi_bt.executive.monitors.calibration import Calibration, SkillThresholds
+from mpvi_bt.executive.monitors.signals import SIGNALS
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.protocols import Judgement
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.lateness import LateChecker, latency_of
+from mpvi_bt.runs.episode.handoffs import read_handoffs
+from mpvi_bt.runs.episode.prepare import check_watched, prepare
+from mpvi_bt.runs.episode.result import write_result
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 

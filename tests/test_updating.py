@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.errors import UserError
-from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.updating import Updated, update
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context, dry_tree
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.executive.tree.updating import Updated, update
+from mpvi_bt.executive.tree.yaml_io import parse_tree
+from mpvi_bt.ground.errors import UserError
 from tests.tree_strategies import trees
 
 DAY = """\

@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.r1_urdf import r1_urdf
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.hands.robots import r1
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.hands.robots.r1_urdf import r1_urdf
 
 TEXT = r1_urdf()
 ROBOT = ElementTree.fromstring(TEXT)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.sim.world import World
+from mpvi_bt.house.sim.world import World
 from tests.small_house import placed, small_world
 from tests.test_open import play
 

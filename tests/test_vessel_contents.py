@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.scene.contents import contents
-from mpvi_bt.scene.remembered import Remembered
+from mpvi_bt.finding.scene.contents import contents
+from mpvi_bt.finding.scene.remembered import Remembered
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
 from tests.depth_pictures import picture
 
 ROOM = Solid("box", np.array([0.15, 0.1, 0.1]), kin.transform(kin.rot_z(0.4), (1.0, 0.5, 0.2)))

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.scene.visibility import VisibilityMap
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.finding.scene.visibility import VisibilityMap
+from mpvi_bt.ground.robot.protocol import CameraImage
 from tests.depth_pictures import FOV_RAD, Box, picture, walls
 from tests.navigation_maps import put_box, two_rooms
 

@@ -18,11 +18,11 @@ from vla_eval.protocol.messages import Message, MessageType, pack_message, unpac
 from vla_eval.specs import GRIPPER_CLOSE_POS, POSITION_DELTA, RAW, ROTATION_AA
 from websockets.sync.server import ServerConnection
 
-from mpvi_bt.errors import PolicyError
-from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.remote.observation import read_observation
-from mpvi_bt.remote.vla_eval import VlaEvalPolicy
-from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.executive.remote.dialect_settings import load_settings
+from mpvi_bt.executive.remote.observation import read_observation
+from mpvi_bt.executive.remote.vla_eval import VlaEvalPolicy
+from mpvi_bt.ground.errors import PolicyError
+from mpvi_bt.ground.robot.protocol import ActionLayout
 from mpvi_bt.testing import check_policy
 from tests import serving
 from tests.remote_servers import PolicyServer, packed

@@ -31,25 +31,25 @@ from vla_eval.model_servers.base import SessionContext
 from vla_eval.model_servers.behavior1k_baseline import Behavior1KBaselineModelServer
 from vla_eval.specs import check_specs
 
-from mpvi_bt.action_rows import command_of
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import PolicyInputs, demonstrations, make_policy
-from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
-from mpvi_bt.executive.loop import Last, run_episode
-from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.remote.dialect_settings import load_settings
-from mpvi_bt.remote.observation import write_observation
-from mpvi_bt.remote.relay import Relay, Stopped
-from mpvi_bt.remote.server import Refused
-from mpvi_bt.remote.vla_eval import VlaEvalPolicy
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.serving.vla_eval_benchmark import MpviBenchmark
-from mpvi_bt.serving.vla_eval_server import MpviModelServer
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.remote.dialect_settings import load_settings
+from mpvi_bt.executive.remote.observation import write_observation
+from mpvi_bt.executive.remote.relay import Relay, Stopped
+from mpvi_bt.executive.remote.server import Refused
+from mpvi_bt.executive.remote.vla_eval import VlaEvalPolicy
+from mpvi_bt.executive.ticking.loop import Last, run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_instruction
+from mpvi_bt.ground.errors import BackendError, PolicyError, UnknownName, UserError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_rows import command_of
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.policies import PolicyInputs, demonstrations, make_policy
+from mpvi_bt.runs.serving.vla_eval_benchmark import MpviBenchmark
+from mpvi_bt.runs.serving.vla_eval_server import MpviModelServer
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_instruction
 from tests.serving import observation
 from tests.vla_eval_server import Model, model_server
 
@@ -204,14 +204,14 @@ class Commands(Last):
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> Played:
     stub = Played()
-    monkeypatch.setattr("mpvi_bt.episode.episode.run", stub)
+    monkeypatch.setattr("mpvi_bt.runs.episode.episode.run", stub)
     return stub
 
 
 def runs(address: str, params: dict[str, Any] | None = None, **entry: Any) -> dict[str, Any]:
     """What the package's runner makes of an entry of its config."""
     benchmark = {
-        "benchmark": "mpvi_bt.serving.vla_eval_benchmark:MpviBenchmark",
+        "benchmark": "mpvi_bt.runs.serving.vla_eval_benchmark:MpviBenchmark",
         "name": "mpvi",
         "params": {"tasks": [TASK], "seed": 0, **(params or {})},
         **entry,
@@ -275,7 +275,7 @@ def test_its_live_mode_goes_on_while_the_model_thinks(played: Played) -> None:
 
 def test_an_episode_that_breaks_is_told_and_the_next_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine's fault is an error in the runner's result, with what broke; it is not the next episode's."""
-    monkeypatch.setattr("mpvi_bt.episode.episode.run", Played(lambda config: config.instance == 0))
+    monkeypatch.setattr("mpvi_bt.runs.episode.episode.run", Played(lambda config: config.instance == 0))
     with model_server(Model()) as address:
         result = runs(address, episodes_per_task=2)
     broken, fine = result["tasks"][0]["episodes"]
@@ -356,7 +356,7 @@ def test_its_renderer_is_chosen_before_the_simulator_loads() -> None:
     """The class can be looked at without SAPIEN, which takes the first renderer that it finds for good."""
     code = """
 import sys
-from mpvi_bt.serving.vla_eval_benchmark import MpviBenchmark
+from mpvi_bt.runs.serving.vla_eval_benchmark import MpviBenchmark
 MpviBenchmark(tasks=["picking_up_trash"])
 assert MpviBenchmark.render_backends == {"cpu", "gpu"}
 assert MpviBenchmark.configure_render("gpu") == {}
@@ -490,7 +490,17 @@ def test_its_command_line_gives_what_ours_gives(method: str, tmp_path: Path) -> 
     with model_server(MpviModelServer()) as address:
         config["server"]["url"] = f"ws://{address}"
         (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
-        mpvi = [sys.executable, "-m", "mpvi_bt.cli", "run", "short_trash", "--method", method, "--no-watch", "--out"]
+        mpvi = [
+            sys.executable,
+            "-m",
+            "mpvi_bt.apps.cli",
+            "run",
+            "short_trash",
+            "--method",
+            method,
+            "--no-watch",
+            "--out",
+        ]
         remote = ["--policy", f"vla_eval:{address}", "--policy-settings", "mpvi"]
         for command in (
             [str(Path(sys.executable).with_name("vla-eval")), "run", "--config", "config.yaml"],

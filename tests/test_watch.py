@@ -23,15 +23,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
-from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.errors import UserError
-from mpvi_bt.trace.growing_trace import Follow, Restarted
-from mpvi_bt.trace.read import Trace
-from mpvi_bt.tree.yaml_io import expanded
-from mpvi_bt.watch.address import Address
-from mpvi_bt.watch.channel import DEBUGGING
-from mpvi_bt.watch.guard import PageGuard
-from mpvi_bt.watch.watched_run import WatchedRun
+from mpvi_bt.apps.cli import INTERRUPTED
+from mpvi_bt.apps.watch.address import Address
+from mpvi_bt.apps.watch.channel import DEBUGGING
+from mpvi_bt.apps.watch.guard import PageGuard
+from mpvi_bt.apps.watch.watched_run import WatchedRun
+from mpvi_bt.executive.trace.growing_trace import Follow, Restarted
+from mpvi_bt.executive.trace.read import Trace
+from mpvi_bt.executive.tree.yaml_io import expanded
+from mpvi_bt.ground.errors import UserError
 from tests.browser import BROWSER, Browser, browser
 from tests.test_html import Tags, hostile_lines, traces
 
@@ -190,7 +190,7 @@ def test_only_what_the_buttons_say_is_taken(body: bytes) -> None:
     assert TestClient(WatchedRun(Path("none")).app).post("/control", content=b'{"line": "n"}').status_code == 409
 
 
-MPVI = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+MPVI = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()"]
 
 
 @contextmanager

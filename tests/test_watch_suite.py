@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from mpvi_bt.suite.manifest import make_manifest
-from mpvi_bt.suite.standing import under_way
-from mpvi_bt.suite.store import Store
-from mpvi_bt.watch import watched_suite
-from mpvi_bt.watch.watched_suite import WatchedSuite, suite_page
+from mpvi_bt.apps.watch import watched_suite
+from mpvi_bt.apps.watch.watched_suite import WatchedSuite, suite_page
+from mpvi_bt.runs.suite.manifest import make_manifest
+from mpvi_bt.runs.suite.standing import under_way
+from mpvi_bt.runs.suite.store import Store
 from tests.browser import BROWSER, browser
 from tests.fake_episodes import fake_result
 from tests.suite_runs import EPISODES, FAKE, ROOT

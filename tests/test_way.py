@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.result import Result
-from mpvi_bt.episode.way import TOLERANCE_M, Way, _distances, thinned
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import Result
+from mpvi_bt.runs.episode.way import TOLERANCE_M, Way, _distances, thinned
 from tests.fake_episodes import fake_result
 
 

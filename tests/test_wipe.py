@@ -9,14 +9,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.wipe import strokes_over, wipe
-from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import Placement
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills.wipe import strokes_over, wipe
+from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
-from mpvi_bt.things.catalogue import load_catalogue
 from tests.small_house import placed, small_world
 
 LADLE = """

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.disturbances.answer_times import TimedPolicy
-from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
-from mpvi_bt.disturbances.late_policy import LatePolicy
-from mpvi_bt.manipulation.policies.backup import WithBackup
-from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble, WrappedPolicy
-from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
-from mpvi_bt.manipulation.policies.paced import PacedPolicy
-from mpvi_bt.manipulation.policies.pregrasp import PregraspPolicy, WithPregrasp
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import ACTION_SIZE
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.hands.policies.backup import WithBackup
+from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble, WrappedPolicy
+from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
+from mpvi_bt.hands.policies.paced import PacedPolicy
+from mpvi_bt.hands.policies.pregrasp import PregraspPolicy, WithPregrasp
+from mpvi_bt.runs.disturbances.answer_times import TimedPolicy
+from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
+from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from tests.test_latency import BODY
 
 SKILLS = load_skills()

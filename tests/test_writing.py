@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.writing import write_whole
+from mpvi_bt.ground.errors import BackendError, UserError
+from mpvi_bt.ground.writing import write_whole
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
@@ -27,7 +27,7 @@ def test_what_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.Mo
     def full(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("mpvi_bt.writing.os.fsync", full)
+    monkeypatch.setattr("mpvi_bt.ground.writing.os.fsync", full)
     with pytest.raises(BackendError, match="a: cannot be written: no space left on device"):
         write_whole(tmp_path / "a", "after")
     assert (tmp_path / "a").read_text() == "before"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.parameters import (
+from mpvi_bt.executive.behaviors.parameters import (
     Assignment,
     Comparison,
     Criterion,
@@ -23,7 +23,7 @@ from mpvi_bt.behaviors.parameters import (
     Tries,
     Turn,
 )
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
 
 words = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]), min_size=1, max_size=20).map(str.strip).filter(
     lambda t: bool(t) and t.isprintable()

@@ -19,11 +19,11 @@ import numpy as np
 
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.tables import Cell, Column
-from mpvi_bt.episode.handoffs import Watched, read_handoffs
-from mpvi_bt.monitors.alarms import OUTCOMES
-from mpvi_bt.monitors.calibration import Calibration, load_calibration
-from mpvi_bt.monitors.signals import SAMPLE_S, SIGNALS
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.executive.monitors.alarms import OUTCOMES
+from mpvi_bt.executive.monitors.calibration import Calibration, load_calibration
+from mpvi_bt.executive.monitors.signals import SAMPLE_S, SIGNALS
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.runs.episode.handoffs import Watched, read_handoffs
 
 ALONE_S = 10.0  # our choice: in calibrating_*.yaml neither is past its threshold for longer than 8 s (`lasting`)
 AGREE, ANY, LASTING = "two agree", "any", "two agree, or stall or grip for 10 s"

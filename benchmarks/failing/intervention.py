@@ -20,12 +20,12 @@ import numpy as np
 
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.tables import Cell, Column
-from mpvi_bt.episode.result import Result, read_result
-from mpvi_bt.marked_yaml import load_marked, validate_data
-from mpvi_bt.monitors.alarms import Alarms
-from mpvi_bt.monitors.calibration import Calibration
-from mpvi_bt.monitors.signals import SIGNALS
-from mpvi_bt.report.statistics import difference, estimate
+from mpvi_bt.executive.monitors.alarms import Alarms
+from mpvi_bt.executive.monitors.calibration import Calibration
+from mpvi_bt.executive.monitors.signals import SIGNALS
+from mpvi_bt.ground.marked_yaml import load_marked, validate_data
+from mpvi_bt.runs.episode.result import Result, read_result
+from mpvi_bt.runs.report.statistics import difference, estimate
 
 COLUMNS = (
     Column(head="fault"),

@@ -12,7 +12,7 @@ import click
 from benchmarks.collecting import processor
 from benchmarks.origin import Run
 from benchmarks.tables import RESULTS, Cell, Column, Table
-from mpvi_bt.errors import UserError
+from mpvi_bt.ground.errors import UserError
 
 
 def keeping(command: Callable[..., Any]) -> Any:

@@ -15,9 +15,9 @@ import click
 
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.tables import Cell, Column
-from mpvi_bt.episode.handoffs import read_handoffs
-from mpvi_bt.monitors.alarms import OUTCOMES, Alarms
-from mpvi_bt.monitors.calibration import Calibration, Run, load_calibration
+from mpvi_bt.executive.monitors.alarms import OUTCOMES, Alarms
+from mpvi_bt.executive.monitors.calibration import Calibration, Run, load_calibration
+from mpvi_bt.runs.episode.handoffs import read_handoffs
 
 COLUMNS = (
     Column(head="signal"),

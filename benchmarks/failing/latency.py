@@ -20,15 +20,15 @@ import numpy as np
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.rows import append, lines_of
 from benchmarks.tables import Cell, Column
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.methods import load_method
-from mpvi_bt.choices.policies import PolicyInputs, make_policy
-from mpvi_bt.episode.episode import run
-from mpvi_bt.manipulation.policies.chunks import WrappedPolicy
-from mpvi_bt.protocols import Policy
-from mpvi_bt.report.plot_svg import Drawing
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.hands.policies.chunks import WrappedPolicy
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.methods import load_method
+from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy
+from mpvi_bt.runs.episode.episode import run
+from mpvi_bt.runs.report.plot_svg import Drawing
 
 STEPS = (0, 1, 2, 4, 8, 12, 20)
 CHUNK = 4  # actions an answer. Our choice: blind for 8 the expert misses both tasks below without any latency

@@ -20,10 +20,10 @@ from benchmarks.failing.detection import COLUMNS, rows
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.hands.rows import Row, read_rows
 from benchmarks.tables import Cell, Column
-from mpvi_bt.episode.handoffs import Watched
-from mpvi_bt.errors import UserError
-from mpvi_bt.monitors.calibration import Run, calibrate
-from mpvi_bt.monitors.signals import SIGNALS
+from mpvi_bt.executive.monitors.calibration import Run, calibrate
+from mpvi_bt.executive.monitors.signals import SIGNALS
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.episode.handoffs import Watched
 
 
 def watched(row: Row) -> Watched:

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.hands.rows import Job, Row, read_rows
 from benchmarks.tables import Cell, Column
-from mpvi_bt.report.statistics import difference, estimate
+from mpvi_bt.runs.report.statistics import difference, estimate
 
 ALL = "all"
 COLUMNS = (

@@ -18,11 +18,11 @@ from benchmarks.faults.mutations import TEXT, spoiled
 from benchmarks.faults.plan_answers import drawn_answer, read
 from benchmarks.faults.trials import Outcome, drawn, judged, one_line, options, play
 from benchmarks.faults.verdict_answers import CRITERIA, Meaning, drawn_verdict
-from mpvi_bt.completion.judge import LanguageChecker
-from mpvi_bt.errors import ModelError
-from mpvi_bt.language.response import read_answer
-from mpvi_bt.language.scripted_model import ScriptedChatModel
-from mpvi_bt.protocols import Judgement
+from mpvi_bt.executive.completion.judge import LanguageChecker
+from mpvi_bt.executive.language.response import read_answer
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.ground.errors import ModelError
+from mpvi_bt.ground.protocols import Judgement
 from mpvi_bt.testing import KinematicRobot
 
 

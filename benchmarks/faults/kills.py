@@ -20,9 +20,9 @@ from typing import Any
 import click
 
 from benchmarks.faults.trials import Outcome, drawn, one_line, options, play
-from mpvi_bt.choices.config import EPISODE
-from mpvi_bt.episode.result import read_result
-from mpvi_bt.errors import UserError
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EPISODE
+from mpvi_bt.runs.episode.result import read_result
 from tests.suite_runs import alive as is_alive
 
 ROOT = Path(__file__).parents[2]
@@ -62,7 +62,16 @@ class Kills:
         episode: str = EPISODE,
     ) -> None:  # fmt: skip
         self._seed, self._folder, self._count = seed, folder, count
-        self._command = [sys.executable, "-m", "mpvi_bt.cli", "suite", "run", "mixed.yaml", "--workers", str(workers)]
+        self._command = [
+            sys.executable,
+            "-m",
+            "mpvi_bt.apps.cli",
+            "suite",
+            "run",
+            "mixed.yaml",
+            "--workers",
+            str(workers),
+        ]
         self._command += ["--episode", episode, *(["--tree", "short.yaml"] if tree else [])]
         folder.mkdir(parents=True, exist_ok=True)
         folder.joinpath("mixed.yaml").write_text(suite)

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.faults.mutations import spoiled
-from mpvi_bt.choices.planning import ground
-from mpvi_bt.errors import UserError
-from mpvi_bt.instances.tasks import load_task
-from mpvi_bt.language.scripted_model import ScriptedChatModel
-from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.language_planner import LanguagePlanner
-from mpvi_bt.plan.planners import NoPlan, Planned, RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.tree.compile import compile_plan
+from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+from mpvi_bt.executive.plan.answer_form import answer_text
+from mpvi_bt.executive.plan.language_planner import LanguagePlanner
+from mpvi_bt.executive.plan.planners import NoPlan, Planned, RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.planning import ground
 
 SEGMENTS = 8
 TASKS = ("picking_up_trash", "tidying_bedroom", "bringing_water", "make_microwave_popcorn", "storing_food")

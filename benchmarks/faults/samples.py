@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.faults.mutations import BYTES, TEXT, Mutation, aliases, of_arrays, of_json, of_lines, of_yaml
-from mpvi_bt import paths
-from mpvi_bt.authoring.checking import problems_in
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.errors import UserError
+from mpvi_bt.apps.authoring.checking import problems_in
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
 
 Read = Callable[[Path], str | None]  # a complaint; or it raises one
 CHAT = "cup"
@@ -48,21 +48,21 @@ def kinds(folder: Path) -> list[Kind]:
 
 
 def _of_the_repository(folder: Path) -> Iterable[Kind]:
-    from mpvi_bt.btcpp.export import to_xml
-    from mpvi_bt.btcpp.importing import from_xml
-    from mpvi_bt.choices.methods import load_method
-    from mpvi_bt.goals.problem import distributed
-    from mpvi_bt.house.house import load_house
-    from mpvi_bt.instances.tasks import read_task
-    from mpvi_bt.marked_yaml import read_text
-    from mpvi_bt.plan.schema import load_plan
-    from mpvi_bt.plan.skills import load_skill
-    from mpvi_bt.remote.dialect_settings import load_settings
-    from mpvi_bt.suite.suites import load_suite
-    from mpvi_bt.things.catalogue import load_catalogue
-    from mpvi_bt.tree.compile import compile_plan
-    from mpvi_bt.tree.substitute import load_rules
-    from mpvi_bt.tree.yaml_io import load_tree
+    from mpvi_bt.executive.btcpp.export import to_xml
+    from mpvi_bt.executive.btcpp.importing import from_xml
+    from mpvi_bt.executive.plan.schema import load_plan
+    from mpvi_bt.executive.plan.skills import load_skill
+    from mpvi_bt.executive.remote.dialect_settings import load_settings
+    from mpvi_bt.executive.tree.compile import compile_plan
+    from mpvi_bt.executive.tree.substitute import load_rules
+    from mpvi_bt.executive.tree.yaml_io import load_tree
+    from mpvi_bt.ground.marked_yaml import read_text
+    from mpvi_bt.house.goals.problem import distributed
+    from mpvi_bt.house.instances.tasks import read_task
+    from mpvi_bt.house.layout.house import load_house
+    from mpvi_bt.house.things.catalogue import load_catalogue
+    from mpvi_bt.runs.choices.methods import load_method
+    from mpvi_bt.runs.suite.suites import load_suite
 
     yaml = [*TEXT, of_yaml, of_yaml, of_yaml, aliases]
     loads: dict[str, tuple[str, Callable[[Path], Any]]] = {
@@ -94,27 +94,27 @@ def _of_the_repository(folder: Path) -> Iterable[Kind]:
 
 
 def _of_runs(folder: Path) -> Iterable[Kind]:
-    from mpvi_bt.disturbances.latency import read_latencies
-    from mpvi_bt.episode.result import read_result, write_result
-    from mpvi_bt.episode.saved_episode import load_saved
-    from mpvi_bt.language.budget import Budget
-    from mpvi_bt.language.chat import Message
-    from mpvi_bt.language.exchanges import KeptModel
-    from mpvi_bt.language.scripted_model import ScriptedChatModel
-    from mpvi_bt.learned.network import Weights
-    from mpvi_bt.learned.policy import WEIGHTS
-    from mpvi_bt.learned.training_set import read_frames
-    from mpvi_bt.monitors.calibration import SIGNALS, Calibration, SkillThresholds, load_calibration
-    from mpvi_bt.remote.prompts import read_prompts
-    from mpvi_bt.suite.at_work import FILE, note, read
-    from mpvi_bt.suite.at_work import AtWork as Work
-    from mpvi_bt.suite.manifest import make_manifest, read_manifest
-    from mpvi_bt.suite.store import Fault, Store
-    from mpvi_bt.things.mesh_file import read_mesh
-    from mpvi_bt.trace.diff import diff, difference_text
-    from mpvi_bt.trace.explain import explain
-    from mpvi_bt.trace.html import trace_page
-    from mpvi_bt.trace.read import read_trace
+    from mpvi_bt.executive.language.budget import Budget
+    from mpvi_bt.executive.language.chat import Message
+    from mpvi_bt.executive.language.exchanges import KeptModel
+    from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
+    from mpvi_bt.executive.monitors.calibration import SIGNALS, Calibration, SkillThresholds, load_calibration
+    from mpvi_bt.executive.remote.prompts import read_prompts
+    from mpvi_bt.executive.trace.diff import diff, difference_text
+    from mpvi_bt.executive.trace.explain import explain
+    from mpvi_bt.executive.trace.html import trace_page
+    from mpvi_bt.executive.trace.read import read_trace
+    from mpvi_bt.hands.learned.network import Weights
+    from mpvi_bt.hands.learned.policy import WEIGHTS
+    from mpvi_bt.hands.learned.training_set import read_frames
+    from mpvi_bt.house.things.mesh_file import read_mesh
+    from mpvi_bt.runs.disturbances.latency import read_latencies
+    from mpvi_bt.runs.episode.result import read_result, write_result
+    from mpvi_bt.runs.episode.saved_episode import load_saved
+    from mpvi_bt.runs.suite.at_work import FILE, note, read
+    from mpvi_bt.runs.suite.at_work import AtWork as Work
+    from mpvi_bt.runs.suite.manifest import make_manifest, read_manifest
+    from mpvi_bt.runs.suite.store import Fault, Store
     from tests.fake_episodes import fake_result
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -236,19 +236,19 @@ def _checked_only(path: Path) -> str | None:
 
 
 def _skills() -> Any:
-    from mpvi_bt.plan.skills import load_skills
+    from mpvi_bt.executive.plan.skills import load_skills
 
     return load_skills()
 
 
 def _trace(path: Path) -> bytes:
     """Of an episode with a robot of numbers alone."""
-    from mpvi_bt.executive.loop import run_episode
-    from mpvi_bt.plan.planners import RecordedPlanner
-    from mpvi_bt.recording.recorder import Recorder
+    from mpvi_bt.executive.plan.planners import RecordedPlanner
+    from mpvi_bt.executive.ticking.loop import run_episode
+    from mpvi_bt.executive.tree.build import Tree
+    from mpvi_bt.executive.tree.compile import compile_plan
+    from mpvi_bt.runs.recording.recorder import Recorder
     from mpvi_bt.testing import KinematicWorld, scripted_context
-    from mpvi_bt.tree.build import Tree
-    from mpvi_bt.tree.compile import compile_plan
 
     world, skills = KinematicWorld(), _skills()
     spec = compile_plan(RecordedPlanner().plan("picking_up_trash"), skills)
@@ -259,9 +259,9 @@ def _trace(path: Path) -> bytes:
 
 def _saved(folder: Path) -> bytes:
     """Of a dry run that was stopped."""
-    from mpvi_bt.episode.saved_episode import Keeper
-    from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-    from mpvi_bt.tree.yaml_io import parse_tree
+    from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_tree, run_dry
+    from mpvi_bt.executive.tree.yaml_io import parse_tree
+    from mpvi_bt.runs.episode.saved_episode import Keeper
     from tests.test_saved import TREE
 
     config = EpisodeConfig("", seed=1, tree="t.yaml", saved=folder / "saved.json")
@@ -272,8 +272,8 @@ def _saved(folder: Path) -> bytes:
 
 def _resumed(saved: Any) -> None:
     """Go on with a saved run, a few steps: what it says of the tree is believed only now."""
-    from mpvi_bt.episode.prepare import prepare_saved
-    from mpvi_bt.executive.dry import dry_tree, run_dry
+    from mpvi_bt.executive.ticking.dry import dry_tree, run_dry
+    from mpvi_bt.runs.episode.prepare import prepare_saved
 
     prepared = prepare_saved(saved, saved.episode)
     assert prepared.saved is not None
@@ -284,8 +284,8 @@ def _resumed(saved: Any) -> None:
 
 def _demonstration(folder: Path) -> bytes:
     """A hand that closes once."""
-    from mpvi_bt.learned.demonstration import Demonstration
-    from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+    from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+    from mpvi_bt.hands.learned.demonstration import Demonstration
 
     n = 40
     action = np.zeros((n, ACTION_SIZE))
@@ -300,7 +300,7 @@ def _demonstration(folder: Path) -> bytes:
 
 
 def _mesh() -> bytes:
-    from mpvi_bt.things.mesh_file import MeshBody, mesh_text
+    from mpvi_bt.house.things.mesh_file import MeshBody, mesh_text
 
     corners = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)])
     return mesh_text({"body": MeshBody(hulls=[corners])}).encode()

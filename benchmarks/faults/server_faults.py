@@ -16,7 +16,7 @@ import msgpack
 import numpy as np
 from websockets.sync.server import ServerConnection
 
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
 from tests.remote_servers import HOST, PolicyServer, agreed, broken, free_port, packed, raw_server
 
 Wire = Literal["openpi", "vla_eval"]

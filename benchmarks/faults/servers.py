@@ -21,18 +21,18 @@ import numpy as np
 
 from benchmarks.faults.server_faults import FAULTS, OVER, ServerFault
 from benchmarks.faults.trials import Hung, Outcome, crash, drawn, one_line, options, play, unclear, within
-from mpvi_bt.executive.loop import Outcome as Played
-from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.dialect_settings import DialectSettings
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.vla_eval import VlaEvalPolicy
-from mpvi_bt.robot.protocol import SIDES, ActionLayout
+from mpvi_bt.executive.plan.planners import RecordedPlanner
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.remote.connection import KEY
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings
+from mpvi_bt.executive.remote.openpi import OpenpiPolicy
+from mpvi_bt.executive.remote.vla_eval import VlaEvalPolicy
+from mpvi_bt.executive.ticking.loop import Outcome as Played
+from mpvi_bt.executive.ticking.loop import run_episode
+from mpvi_bt.executive.tree.build import Tree
+from mpvi_bt.executive.tree.compile import compile_plan
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
 
 QUICK: dict[str, Any] = {"connect_s": 2.0, "answer_s": 2.0, "tries": 2, "max_mb": 1}
 MOST_S = 20.0  # of wall time: of all waits that the settings allow, and as much again for a busy machine

@@ -22,11 +22,11 @@ import numpy as np
 
 from benchmarks.faults.trials import BAD, Outcome, crash, drawn, one_line, options, summary
 from benchmarks.rows import append, lines_of
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.methods import load_method
-from mpvi_bt.errors import UserError
-from mpvi_bt.report.plot_svg import Drawing
-from mpvi_bt.writing import write_whole
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.writing import write_whole
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.methods import load_method
+from mpvi_bt.runs.report.plot_svg import Drawing
 
 TASKS = ("picking_up_trash", "tidying_bedroom", "bringing_water", "putting_shoes_on_rack", "make_microwave_popcorn")
 INSTANCES = 10
@@ -55,7 +55,7 @@ def chosen(seed: int, number: int, method: str, policy: str | None) -> EpisodeCo
 
 def episode(config: EpisodeConfig, most_s: float) -> Outcome:
     """Play one for at most so much wall time, and say what came of it."""
-    from mpvi_bt.episode.episode import run
+    from mpvi_bt.runs.episode.episode import run
 
     began = time.monotonic()
     try:

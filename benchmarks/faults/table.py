@@ -17,8 +17,8 @@ from benchmarks.faults.trials import BAD
 from benchmarks.origin import Run
 from benchmarks.rows import lines_of
 from benchmarks.tables import RESULTS, Table
-from mpvi_bt.errors import UserError
-from mpvi_bt.writing import write_whole
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.writing import write_whole
 
 HEADS = ("what", "trials", "refused with a reason", "went on", *BAD)
 WHAT = {  # by file and, where several are told apart, by what comes before the colon

@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 import click
 
 from benchmarks.rows import append, lines_of
-from mpvi_bt.errors import MpviError, UserError
+from mpvi_bt.ground.errors import MpviError, UserError
 
 End = Literal["went on", "refused", "lost", "hung", "misread", "crashed"]
 ENDS: tuple[End, ...] = get_args(End)

@@ -18,8 +18,8 @@ from benchmarks.grids import edges, looks, paths
 from benchmarks.grids.first import first_calls
 from benchmarks.grids.maps import cell, costs, house, reachable
 from benchmarks.grids.timing import Timed, in_turns, ratio
-from mpvi_bt.extras import install
-from mpvi_bt.navigation.grid import cost_to_reach
+from mpvi_bt.finding.navigation.grid import cost_to_reach
+from mpvi_bt.ground.extras import install
 
 SIZES = "160x200,1000x1000,4000x4000"
 LIBRARIES = {"tcod": "tcod", "skimage": "scikit-image", "pyastar2d": "pyastar2d", "cv2": "opencv-python"}

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from benchmarks.grids.paths import CUT, KEPT, by_heapq
 from benchmarks.grids.timing import Side, Timed
-from mpvi_bt.navigation.frontiers import frontier, nearest_frontier
-from mpvi_bt.navigation.grid import Cell, Cost
+from mpvi_bt.finding.navigation.frontiers import frontier, nearest_frontier
+from mpvi_bt.finding.navigation.grid import Cell, Cost
 
 Mask = NDArray[np.bool_]
 

@@ -10,10 +10,10 @@ import tempfile
 from collections.abc import Iterator
 
 _OURS = {
-    "A*, nearest frontier": "from mpvi_bt.navigation.grid import warm",
-    "visibility": "from mpvi_bt.scene.visibility import warm",
-    "frontiers": "from mpvi_bt.navigation.frontiers import warm",
-    "occupancy": "from mpvi_bt.scene.occupancy import warm",
+    "A*, nearest frontier": "from mpvi_bt.finding.navigation.grid import warm",
+    "visibility": "from mpvi_bt.finding.scene.visibility import warm",
+    "frontiers": "from mpvi_bt.finding.navigation.frontiers import warm",
+    "occupancy": "from mpvi_bt.finding.scene.occupancy import warm",
 }
 _THEIRS = {
     "tcod": "import tcod.path; warm = lambda: tcod.path.AStar(np.ones((9, 9), 'f')).get_path(0, 0, 8, 8)",

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from benchmarks.grids.maps import RES_M
 from benchmarks.grids.timing import Side, Timed
-from mpvi_bt.navigation.grid import Cell
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.scene.visibility import LOOK_M, VisibilityMap
+from mpvi_bt.finding.navigation.grid import Cell
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.finding.scene.visibility import LOOK_M, VisibilityMap
+from mpvi_bt.ground.robot.protocol import CameraImage
 
 FOV_RAD, REACH_M = 1.48, 4.0
 _REACH = round(REACH_M / RES_M)  # cells

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.navigation.grid import Cell, Cost
-from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.finding.navigation.grid import Cell, Cost
+from mpvi_bt.finding.navigation.traversability import traversability
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 
 RES_M, FOOTPRINT_M = 0.05, 0.33
 _SMALLEST, _WALL, _DOOR = 60, 2, 18  # cells: side of a room, thickness, doorway

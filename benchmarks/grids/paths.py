@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.grids.timing import Side, Timed
-from mpvi_bt.navigation import grid
-from mpvi_bt.navigation.grid import Cell, Cost
+from mpvi_bt.finding.navigation import grid
+from mpvi_bt.finding.navigation.grid import Cell, Cost
 
 Path = NDArray[np.int64]
 KEPT, CUT = "corners kept", "corners cut"  # whether a diagonal step may pass a blocked cell: two different problems

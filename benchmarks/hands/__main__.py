@@ -16,8 +16,8 @@ from benchmarks.hands.runner import ERRORS, WALL_LIMIT_S, run_jobs
 from benchmarks.hands.scenes import choose
 from benchmarks.hands.table import markdown, table
 from benchmarks.hands.trial import Shapes
-from mpvi_bt.errors import MpviError
-from mpvi_bt.robot.robots import ROBOTS
+from mpvi_bt.ground.errors import MpviError
+from mpvi_bt.ground.robot.robots import ROBOTS
 
 _SHAPES = ("tuning", "held_out", "half")
 

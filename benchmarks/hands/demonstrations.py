@@ -15,20 +15,20 @@ import numpy as np
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.trial import Trial
 from benchmarks.pool import play_all
-from mpvi_bt.errors import BackendError
-from mpvi_bt.executive.loop import Outcome
-from mpvi_bt.learned.demonstration import find, record
-from mpvi_bt.learned.learned_motions import MOTIONS
-from mpvi_bt.learned.points import PointMemory
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
-from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.demonstration_recorder import DemonstrationRecorder
-from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.ticking.loop import Outcome
+from mpvi_bt.finding.perception.segmentation import DetectionErrors, SegmentationDetector
+from mpvi_bt.ground.errors import BackendError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.learned.demonstration import find, record
+from mpvi_bt.hands.learned.learned_motions import MOTIONS
+from mpvi_bt.hands.learned.points import PointMemory
+from mpvi_bt.house.sim.noise import NONE, REALISTIC, NoisyRobot
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.expert import ExpertPolicy
+from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
 
 # Scenes of a skill, and how often each is drawn.
 MIXES: Mapping[str, Mapping[str, int]] = {

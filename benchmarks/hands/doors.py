@@ -10,10 +10,10 @@ import numpy as np
 
 from benchmarks.hands.rooms import arrival, called, catalogue, placed, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import HALF_M, one_room
-from mpvi_bt.things.catalogue import CatalogueEntry
 
 # What counts as clearly open [rad or m]: an upright door, a flap, a drawer. What counts as closed [of the limit].
 _UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.2, 0.9, 0.2

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mpvi_bt.monitors.signals import SAMPLE_STEPS, Signals
-from mpvi_bt.robot.grip import GripWatch
-from mpvi_bt.robot.protocol import Robot
+from mpvi_bt.executive.monitors.signals import SAMPLE_STEPS, Signals
+from mpvi_bt.ground.robot.grip import GripWatch
+from mpvi_bt.ground.robot.protocol import Robot
 
 
 class Felt:

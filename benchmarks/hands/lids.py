@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.hands.doors import positions
 from benchmarks.hands.rooms import arrival, catalogue, placed
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.sim.world import World
+from mpvi_bt.house.sim.world import World
 from mpvi_bt.testing.scene_builder import HALF_M, one_room
 
 _MOST_MOVED_M = 0.15

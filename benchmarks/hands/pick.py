@@ -10,11 +10,11 @@ from benchmarks.hands import surfaces
 from benchmarks.hands.rooms import arrival, called, name_in, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import CatalogueEntry
 
 LIFTED_M = 0.05
 _AWAY_M = 0.15

@@ -11,12 +11,12 @@ from benchmarks.hands.pick import crowd, draw_thing, lowest, one_hand, radius
 from benchmarks.hands.rooms import arrival, called, name_in, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.goals.predicates import inside, nextto, ontop, under
-from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.house.goals.predicates import inside, nextto, ontop, under
+from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import CatalogueEntry
 
 _MOVED_M, _UPRIGHT = 0.10, 0.9
 _REACH_M = 0.3  # what is held sticks out so far before the body

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from mpvi_bt.errors import UnknownName
-from mpvi_bt.learned.policy import RECOVERY, WEIGHTS, LearnedPolicy, StanceRecovery
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
-from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
-from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.protocols import Policy
-from mpvi_bt.scene.true_scene import Truth
-from mpvi_bt.sim.mistaken import MistakenTruth
-from mpvi_bt.sim.world import World
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.hands.learned.policy import RECOVERY, WEIGHTS, LearnedPolicy, StanceRecovery
+from mpvi_bt.hands.policies.reactive import ReactivePolicy
+from mpvi_bt.house.sim.mistaken import MistakenTruth
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.expert import ExpertPolicy
+from mpvi_bt.house.truth.true_scene import Truth
 
 
 @dataclass(frozen=True)

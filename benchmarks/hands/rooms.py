@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hands.trial import Shapes
-from mpvi_bt.errors import BackendError
-from mpvi_bt.house.house import House
-from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.sim.world import Placement
+from mpvi_bt.ground.errors import BackendError
+from mpvi_bt.ground.geometry.solids import Array, Solid, pose
+from mpvi_bt.ground.robot.collision import Surroundings
+from mpvi_bt.house.layout.house import House
+from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 from mpvi_bt.testing.scene_builder import HALF_M
-from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 _BODY_M = 0.38  # free around the base's center at every height
 _HEIGHTS_M = np.arange(0.05, 1.6, 0.1)

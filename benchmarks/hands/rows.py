@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.hands.trial import Shapes
 from benchmarks.rows import append, lines_of
-from mpvi_bt.errors import UserError
+from mpvi_bt.ground.errors import UserError
 
 
 @dataclass(frozen=True)

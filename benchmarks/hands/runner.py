@@ -15,12 +15,12 @@ from benchmarks.hands.scenes import draw
 from benchmarks.hands.show import Film
 from benchmarks.hands.trial import play
 from benchmarks.pool import play_all
-from mpvi_bt.choices.policies import PolicyInputs, with_pregrasp
-from mpvi_bt.errors import BackendError, NoRenderingDevice, UserError
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.errors import BackendError, NoRenderingDevice, UserError
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.house.sim.noise import NONE, REALISTIC, NoisyRobot
+from mpvi_bt.runs.choices.policies import PolicyInputs, with_pregrasp
 
 ERRORS = {"none": NONE, "realistic": REALISTIC}  # of the senses of policies that see
 WALL_LIMIT_S = 600.0  # Our choice: only a hung trial takes that long

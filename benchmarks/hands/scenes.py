@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.errors import UnknownName
+from mpvi_bt.ground.errors import UnknownName
 
 MODULES = ("pick", "place", "doors", "lids", "two_hands", "tools")
 

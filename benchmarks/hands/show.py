@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.sim.views import look_at
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.house.sim.views import look_at
+from mpvi_bt.house.sim.world import World
 
 _SIZE = (640, 480)
 _EVERY_STEPS = 6  # of a film: five pictures a second, played three times as fast

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hands.rooms import placed
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.world import Placement
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import HALF_M
-from mpvi_bt.things.catalogue import CatalogueEntry
 
 _WALL_M = HALF_M - 0.05  # where the room's walls begin
 _SLACK_M = 0.001

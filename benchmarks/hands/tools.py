@@ -8,10 +8,10 @@ import numpy as np
 
 from benchmarks.hands.rooms import called, facing, placed, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import CatalogueEntry, load_catalogue
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import CatalogueEntry, load_catalogue
 
 _CONTENTS_M = 0.03  # what is poured is no wider than this
 _SMALL_TOPS = ("nightstand", "chest_of_drawers")

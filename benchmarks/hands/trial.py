@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from mpvi_bt.house.house import House
-from mpvi_bt.protocols import Policy
-from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
-from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.layout.house import House
+from mpvi_bt.house.sim.world import Placement, World
 from mpvi_bt.testing.full_hands import fill, put_in_hands
 
 Shapes = Literal["tuning", "held_out"]

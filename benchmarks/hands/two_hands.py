@@ -11,11 +11,11 @@ import numpy as np
 from benchmarks.hands.pick import draw_thing, lowest
 from benchmarks.hands.rooms import called, facing, placed
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.house.house import House
-from mpvi_bt.robot.protocol import Side
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.house.layout.house import House
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 from mpvi_bt.testing.scene_builder import one_room
-from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 _LIFTED_M = 0.08
 _TABLES = ("table", "breakfast_table", "coffee_table", "desk")

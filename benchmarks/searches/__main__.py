@@ -18,7 +18,7 @@ from benchmarks.hands.__main__ import SEEDS
 from benchmarks.rows import append, lines_of
 from benchmarks.searches.play import BUMP_N, Job, Row
 from benchmarks.searches.runner import run_jobs
-from mpvi_bt.errors import MpviError, UserError
+from mpvi_bt.ground.errors import MpviError, UserError
 
 
 @click.command()

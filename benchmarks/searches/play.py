@@ -9,20 +9,20 @@ from functools import cache
 import numpy as np
 
 from benchmarks.searches.scenes import FOOTPRINT_M, Scene, draw
-from mpvi_bt.choices.detectors import make_detector
-from mpvi_bt.choices.navigators import explorer
-from mpvi_bt.house.house import House, load_house
-from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.navigation.goals import Handoff, distance_to, facing_yaw, object_goals
-from mpvi_bt.navigation.grid import cost_to_reach
-from mpvi_bt.navigation.traversability import ClearanceCost, floor_obstacles, traversability
-from mpvi_bt.protocols import Progress
-from mpvi_bt.robot.kinematics import wrap
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.knowledge import Entry
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.world import World
-from mpvi_bt.things.catalogue import Catalogue, load_catalogue
+from mpvi_bt.executive.plan.knowledge import Entry
+from mpvi_bt.finding.navigation.goals import Handoff, distance_to, facing_yaw, object_goals
+from mpvi_bt.finding.navigation.grid import cost_to_reach
+from mpvi_bt.finding.navigation.traversability import ClearanceCost, floor_obstacles, traversability
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.kinematics import wrap
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Progress
+from mpvi_bt.house.layout.house import House, load_house
+from mpvi_bt.house.layout.prior_map import prior_map
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
+from mpvi_bt.runs.choices.detectors import make_detector
+from mpvi_bt.runs.choices.navigators import explorer
 
 LIMIT_S = 600.0  # simulated: a whole house can be seen in less
 BUMP_N = 20.0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchmarks.pool import play_all
 from benchmarks.searches.play import Job, Row, play
-from mpvi_bt.errors import MpviError
+from mpvi_bt.ground.errors import MpviError
 
 _WALL_LIMIT_S = 900.0  # only one that hangs takes that long
 

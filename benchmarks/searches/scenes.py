@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.house.house import House
-from mpvi_bt.navigation.goals import Handoff, object_goals
-from mpvi_bt.navigation.traversability import floor_obstacles, traversability
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.scene.knowledge import Entry as Known
-from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.world import Placement
-from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry
+from mpvi_bt.executive.plan.knowledge import Entry as Known
+from mpvi_bt.finding.navigation.goals import Handoff, object_goals
+from mpvi_bt.finding.navigation.traversability import floor_obstacles, traversability
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.house.layout.house import House
+from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry
 
 # What is looked for and lies about: named here, so that a catalogue that grows draws no other scenes.
 KINDS = (

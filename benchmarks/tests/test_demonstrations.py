@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.hands.demonstrations import demonstrate
-from mpvi_bt.datasets.demonstrations import check_demonstrations, find_demonstrations
-from mpvi_bt.learned.training_set import read_frames
+from mpvi_bt.hands.learned.training_set import read_frames
+from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, find_demonstrations
 
 
 @pytest.mark.slow

@@ -17,9 +17,9 @@ from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
 from benchmarks.failing.latency import rows as latency_rows
 from benchmarks.failing.own import main as own
 from benchmarks.hands.rows import Job, Row, add_row
-from mpvi_bt.episode.handoffs import Watched
-from mpvi_bt.monitors.calibration import Calibration, Run, SkillThresholds
-from mpvi_bt.monitors.signals import SIGNALS
+from mpvi_bt.executive.monitors.calibration import Calibration, Run, SkillThresholds
+from mpvi_bt.executive.monitors.signals import SIGNALS
+from mpvi_bt.runs.episode.handoffs import Watched
 
 LEVELS: Any = {name: [1.0] for name in SIGNALS}
 KNOWN = Calibration(

@@ -23,10 +23,10 @@ from benchmarks.faults.servers import trial as served
 from benchmarks.faults.table import table
 from benchmarks.faults.trials import BAD, Outcome, play, summary
 from benchmarks.rows import append
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.errors import UserError
-from mpvi_bt.protocols import Judgement
-from mpvi_bt.suite.store import Store
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.protocols import Judgement
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.suite.store import Store
 from tests.fake_episodes import fake_result
 
 
@@ -248,7 +248,7 @@ def test_a_soak_goes_on_draws_and_finds(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_an_episode_that_raises_is_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
     """And one that its method cannot play, too."""
-    monkeypatch.setattr("mpvi_bt.episode.episode.run", lambda config, stop: 1 / 0)
+    monkeypatch.setattr("mpvi_bt.runs.episode.episode.run", lambda config, stop: 1 / 0)
     assert soak.episode(EpisodeConfig("picking_up_trash"), 1.0).ended == "crashed"
 
 

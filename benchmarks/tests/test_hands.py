@@ -22,11 +22,11 @@ from benchmarks.hands.runner import run_job, run_jobs
 from benchmarks.hands.scenes import choose, draw, skills
 from benchmarks.hands.table import markdown, table
 from benchmarks.hands.trial import Played, Shapes, Trial, play
-from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.robot.kinematics import wrap
-from mpvi_bt.robot.protocol import ActionLayout
-from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.ground.geometry.kinematics import wrap
+from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.house.sim.world import World
 from mpvi_bt.testing.scene_builder import one_room
 from tests.small_house import placed
 

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.searches.__main__ import table, text
 from benchmarks.searches.play import Job, Row
 from benchmarks.searches.scenes import draw
-from mpvi_bt.house.house import load_house
-from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.prior_map import prior_map
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 HOUSE, CATALOGUE = load_house(), load_catalogue()
 GRID = prior_map(HOUSE)

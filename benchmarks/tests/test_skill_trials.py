@@ -9,7 +9,7 @@ from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.trial import play
-from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.ground.robot.protocol import SIDES
 
 
 @pytest.mark.slow

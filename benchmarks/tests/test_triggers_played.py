@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from benchmarks.rows import append
 from benchmarks.triggers.__main__ import main, table, text
 from benchmarks.triggers.play import Job, Row
-from mpvi_bt.episode.queries import Queries
+from mpvi_bt.runs.episode.queries import Queries
 
 FIRST, POLLING = "proprioceptive", "periodic:300"
 

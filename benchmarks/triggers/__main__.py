@@ -15,8 +15,8 @@ import click
 from benchmarks.hands.__main__ import SEEDS
 from benchmarks.rows import append, lines_of
 from benchmarks.triggers.play import Job, Row, run_jobs
-from mpvi_bt.episode.prepare import prepare_episode
-from mpvi_bt.errors import MpviError, UserError
+from mpvi_bt.ground.errors import MpviError, UserError
+from mpvi_bt.runs.episode.prepare import prepare_episode
 
 PAPER = -0.47  # change of q where polling takes the place of triggers (Paper, Ablation Study)
 _POLLING = "periodic:300"

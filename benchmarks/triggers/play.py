@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.pool import play_all
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.episode.queries import Queries
-from mpvi_bt.errors import MpviError, UserError
+from mpvi_bt.ground.errors import MpviError, UserError
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.queries import Queries
 
 _WALL_LIMIT_S = 7200.0  # only one that hangs takes that long
 
@@ -85,7 +85,7 @@ def run_jobs(jobs: Iterable[Job], workers: int) -> Iterator[Row]:
 
 def play(job: Job) -> Row:
     """Play one episode."""
-    from mpvi_bt.episode.episode import run
+    from mpvi_bt.runs.episode.episode import run
 
     result = run(job.config)
     return Row(

@@ -1,1 +1,1 @@
-"""The loop that ticks, and what steers it: replanning, the debugger, stopping and resuming."""
+"""The executive: an instruction becomes a plan, a tree, and ticks. It knows no robot and no world."""

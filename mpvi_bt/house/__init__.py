@@ -1,1 +1,1 @@
-"""Houses: rooms, fixtures and places to put things, from YAML; no simulator."""
+"""The house: a physical world in which tasks are played and scored. It stands in for a home."""

@@ -9,17 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.errors import BackendError, DetectorError, shown
-from mpvi_bt.perception.detector import ROBOT, Detection, Detector, check_detection
-from mpvi_bt.protocols import Checker, Navigator, Policy, Progress, Report
-from mpvi_bt.robot.protocol import (
-    ACTION_SIZE,
-    SIDES,
-    ActionLayout,
-    CameraImage,
-    Robot,
-)
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.finding.perception.detector import ROBOT, Detection, Detector, check_detection
+from mpvi_bt.ground.errors import BackendError, DetectorError, shown
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Checker, Navigator, Policy, Progress, Report
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Robot
 from mpvi_bt.testing.doubles import KinematicRobot
 
 CAMERAS = ("head", *SIDES)

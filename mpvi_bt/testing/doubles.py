@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.behaviors.context import Context
-from mpvi_bt.errors import BackendError
-from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.skills import Skill
-from mpvi_bt.protocols import Judgement, Progress, Report, StepClock, TriggerEvent
-from mpvi_bt.robot.protocol import (
+from mpvi_bt.executive.behaviors.context import Context
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.skills import Skill
+from mpvi_bt.ground.errors import BackendError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import Judgement, Progress, Report, StepClock, TriggerEvent
+from mpvi_bt.ground.robot.protocol import (
     ACTION_SIZE,
     CONTROL_HZ,
     SIDES,
@@ -26,7 +27,6 @@ from mpvi_bt.robot.protocol import (
     Robot,
     Side,
 )
-from mpvi_bt.robot.solids import Array
 
 _OPEN_M = 0.10  # between its fingers
 

@@ -6,18 +6,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mpvi_bt.errors import BackendError
-from mpvi_bt.goals.rays import interval
-from mpvi_bt.manipulation.stance.grasps import grasps
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.arms import posture_distance
-from mpvi_bt.robot.collision import Body, Load, Obstacles
-from mpvi_bt.robot.linear_algebra import matmul
-from mpvi_bt.robot.model import SIGN, RobotModel
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
-from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.scene.true_scene import TrueScene
-from mpvi_bt.sim.world import World
+from mpvi_bt.ground.errors import BackendError
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.rays import interval
+from mpvi_bt.ground.geometry.solids import Array, Solid, pose
+from mpvi_bt.ground.robot.arms import posture_distance
+from mpvi_bt.ground.robot.collision import Body, Load, Obstacles
+from mpvi_bt.ground.robot.model import SIGN, RobotModel
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.hands.stance.grasps import grasps
+from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.truth.true_scene import TrueScene
 
 _CLOSING_S = 1.0
 _NEAR_M = 1.7  # what is farther off is in nobody's way

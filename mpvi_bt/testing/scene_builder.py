@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from mpvi_bt.house.house import House, check_house
-from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.robot.solids import pose
-from mpvi_bt.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
+from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.ground.marked_yaml import parse_marked
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.house.layout.house import House, check_house
+from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 if TYPE_CHECKING:
-    from mpvi_bt.scene.true_scene import TrueScene
-    from mpvi_bt.sim.world import Placement, World
+    from mpvi_bt.house.sim.world import Placement, World
+    from mpvi_bt.house.truth.true_scene import TrueScene
 
 HALF_M = 3.0  # half the room's width; our choice: every drive is short
 
@@ -121,7 +121,7 @@ class SceneBuilder:
             BackendError: A thing does not fit into the hand that is to hold it, or does not stay there.
             NoRenderingDevice: `render` was asked for on a machine that cannot.
         """
-        from mpvi_bt.sim.world import World
+        from mpvi_bt.house.sim.world import World
         from mpvi_bt.testing.full_hands import fill, put_in_hands
 
         world = World(self.house(), self._placed(), np.array(self._base), render=render, robot=self._robot)
@@ -135,12 +135,12 @@ class SceneBuilder:
 
     def scene(self) -> TrueScene:
         """The scene of that world, known by simulator truth, as skills ask it. Raises as `world`."""
-        from mpvi_bt.scene.true_scene import TrueScene
+        from mpvi_bt.house.truth.true_scene import TrueScene
 
         return TrueScene(self.world())
 
     def _placed(self) -> Mapping[str, Placement]:
-        from mpvi_bt.sim.world import Placement
+        from mpvi_bt.house.sim.world import Placement
 
         return {name: Placement(entry, pose(at, yaw)) for name, (entry, at, yaw) in self._things.items()}
 

@@ -7,7 +7,7 @@ import { readFileSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
 
 const SOURCES = ["build.mjs", "codemirror.js", "package-lock.json", "package.json"];
-const OUT = "../../mpvi_bt/watch/page/codemirror.js";
+const OUT = "../../mpvi_bt/apps/watch/page/codemirror.js";
 
 const digest = (...parts) => parts.reduce((hash, part) => hash.update(part), createHash("sha256")).digest("hex");
 

@@ -1,0 +1,119 @@
+"""`mpvi show`: pictures of things of the catalogue, and of houses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mpvi_bt.executive.drawing.terminal import tell
+from mpvi_bt.ground.errors import UnknownName, UserError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mpvi_bt.house.things.catalogue import CatalogueEntry
+
+_FILE = click.Path(dir_okay=False, path_type=Path)
+_SMALL, _LARGE, _WIDE = (200, 150), (640, 480), (1400, 640)
+_FOV_RAD = 0.6
+_TILT_RAD = 0.5  # of the camera over a house: one sees floors and things on them, and walls as such
+_JPEG_QUALITY = 85
+
+
+@click.command()
+@click.argument("name", required=False, metavar="NAME")
+@click.option("--out", type=_FILE, metavar="FILE", help="File to write, png or jpg.  [default: NAME.png]")
+@click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
+def show(name: str | None, out: Path | None, page: Path | None) -> None:
+    """Draw the thing of the catalogue that is called NAME, or that is of the family NAME, its doors ajar; or a task.
+
+    Of a task its house is drawn from above, as instance 0 begins.
+
+    With --page a picture of every family goes into a folder beside the page, which is named after it.
+    """
+    from mpvi_bt.ground import paths
+    from mpvi_bt.house.things.catalogue import load_catalogue
+    from mpvi_bt.house.things.families import FAMILIES
+
+    catalogue = load_catalogue()
+    if (name is None) == (page is None):
+        raise click.UsageError("Name a thing of the catalogue or a task, or give --page.")
+    if page is not None:
+        if out is not None:
+            raise click.UsageError("--out is of one picture; the page says itself where its pictures are.")
+        from mpvi_bt.house.things.family_page import families, family_page
+
+        for info in families(catalogue):
+            if info.example is not None:
+                draw(info.example, page.with_suffix("") / f"{info.name}.jpg", _SMALL)
+        _write(page, family_page(catalogue, page.stem).encode())
+        tell(f"wrote {page}")
+        return
+    assert name is not None
+    entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
+    if entry is None and name not in (tasks := paths.names("tasks")):
+        raise UnknownName("catalogue entry, family or task", name, {*catalogue.entries, *FAMILIES, *tasks})
+    out = out or Path(f"{name}.png")
+    if out.suffix not in (".png", ".jpg"):
+        raise UserError(f"{out}: pictures are written as .png or .jpg.")
+    if entry is None:
+        _keep(_house(name), out)
+    else:
+        draw(entry, out)
+    tell(f"wrote {out}")
+
+
+def draw(entry: CatalogueEntry, path: Path, size: tuple[int, int] = _LARGE) -> None:
+    """Write a picture of a thing of the catalogue, its doors ajar; `size`: width and height [px]."""
+    from mpvi_bt.house.sim.portrait import portrait
+
+    _keep(portrait(entry, size), path)
+
+
+def _house(name: str) -> NDArray[np.uint8]:
+    """The house of a task from above, as its first instance begins, with the names of what is in it."""
+    import numpy as np
+
+    from mpvi_bt.house.instances.instances import begin, expanded_problem
+    from mpvi_bt.house.instances.tasks import load_task
+    from mpvi_bt.house.layout.house import load_house
+    from mpvi_bt.house.sim.cutaway import cutaway
+    from mpvi_bt.house.sim.views import overview
+    from mpvi_bt.house.things.catalogue import load_catalogue
+    from mpvi_bt.runs.recording.named_house import name_things
+
+    task, catalogue = load_task(name), load_catalogue()
+    house = load_house(task.house)
+    world, start = begin(task, house, catalogue, expanded_problem(task, house), 0)
+    aspect = _WIDE[0] / _WIDE[1]
+    camera = overview(house, _FOV_RAD, aspect, _TILT_RAD)
+    picture = cutaway(world, camera, _WIDE, _FOV_RAD)
+    things = [
+        (start.objects[name].entry.phrases[0], np.concatenate([solid.aabb() for solid in world.solids(name)]))
+        for name in world.objects
+    ]
+    things += [(fixture.entry.phrases[0], fixture.extent()) for fixture in house.fixtures.values()]
+    name_things(picture, camera, _FOV_RAD, things)
+    return picture
+
+
+def _keep(picture: NDArray[np.uint8], path: Path) -> None:
+    import cv2
+
+    how = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if path.suffix == ".jpg" else []
+    ok, data = cv2.imencode(path.suffix, picture[..., ::-1], how)
+    assert ok
+    _write(path, data.tobytes())
+
+
+def _write(path: Path, data: bytes) -> None:
+    from mpvi_bt.ground.writing import unwritable, write_whole
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    write_whole(path, data)

@@ -1,0 +1,67 @@
+"""`mpvi train`: weights of the learned policy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mpvi_bt.executive.drawing.terminal import tell
+
+
+@click.group()
+def train() -> None:
+    """Make a policy of your own from demonstrations."""
+
+
+@train.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE.npz",
+              help="File for the weights; curves and how far it is go beside it.")  # fmt: skip
+@click.option("--skills", default="pick", show_default=True, help="Folders in FOLDER, joined by commas.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
+@click.option("--actor-steps", type=click.IntRange(1), help="Fewer for a first try.")
+@click.option("--proposer-steps", type=click.IntRange(1), help="Likewise.")
+@click.option("--device", default="cpu", show_default=True, help="Where torch computes, such as cuda.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: what was trained, as JSON.")
+def learned(
+    folder: Path, out: Path, skills: str, seed: int, actor_steps: int | None, proposer_steps: int | None, device: str,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Train the policy `learned` from the demonstrations in FOLDER/SKILL/.
+
+    What is interrupted goes on where it was when it is started again; what FILE.npz holds of other skills stays in it.
+    The same demonstrations and seed make the same weights on the CPU of one machine. `mpvi run TASK --policy
+    learned:FILE.npz` runs with them.
+    """
+    from mpvi_bt.ground.errors import UserError
+
+    if out.suffix != ".npz" or not out.parent.is_dir():
+        raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
+    from mpvi_bt.hands.learned.mirroring import BODY
+    from mpvi_bt.hands.learned.network import Weights
+    from mpvi_bt.hands.learned.training import ACTOR_STEPS, PROPOSER_STEPS, Training
+    from mpvi_bt.hands.learned.training import train as train_networks
+    from mpvi_bt.hands.learned.training_set import read_frames
+
+    kept = Weights.load(out) if out.exists() else Weights(BODY.name, {}, {})
+    networks, about = dict(kept.skills), dict(kept.about)
+    for skill in skills.split(","):
+        frames = read_frames(folder, skill, lambda line: click.echo(line, err=True))
+        job = Training(frames, seed, actor_steps or ACTOR_STEPS, proposer_steps or PROPOSER_STEPS, device)
+
+        def note(row: dict[str, Any], skill: str = skill) -> None:
+            figures = ", ".join(f"{k} {v:g}" for k, v in row.items() if k not in ("network", "step", "of"))
+            click.echo(f"{skill} {row['network']} {row['step']}/{row['of']}: {figures}", err=True)
+
+        networks[skill] = train_networks(job, out.with_suffix(f".{skill}.pt"), note)
+        about[skill] = {"demonstrations": int(frames.episode[-1]) + 1, "frames": len(frames.look), "seed": seed,
+                        "actor_steps": job.actor_steps, "proposer_steps": job.proposer_steps}  # fmt: skip
+        out.with_suffix(f".{skill}.json").write_text(json.dumps(job.curves, indent=1), encoding="utf-8")
+    Weights(BODY.name, networks, about).save(out)
+    if as_json:
+        tell(json.dumps({"weights": str(out), "skills": about}))
+        return
+    tell(f"{out}: {', '.join(networks)}, {out.stat().st_size / 1e6:.1f} MB")

@@ -1,0 +1,70 @@
+"""The dialect `openpi`: openpi's messages with our own keys, which lose nothing on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.executive.remote.observation import read_observation, write_observation
+from mpvi_bt.executive.remote.reading import CHUNK, Reading, chunk_of, spoken
+from mpvi_bt.ground.errors import BadMessage, shown
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_rows import Resampler
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ
+
+RATE = "rate_hz"  # of the client, if it does not want an action for each control step
+COMMAND = "command"  # a key of ours: the targets that the robot has
+
+
+class OwnKeys:
+    """What `mpvi serve` takes for a policy, the robot's present targets beside it (docs/evaluator.md)."""
+
+    name = "openpi"
+
+    def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
+        """What an observation says. Raises BadMessage."""
+        if (other := spoken(message)) not in ("", self.name):
+            raise BadMessage(f"this is an observation of --protocol {other}, and --protocol {self.name} was chosen")
+        said = {key: value for key, value in message.items() if key not in (COMMAND, CHUNK)}
+        question = read_observation({"prompt": "", **said})
+        seen = question.observation
+        return Reading(
+            body=replace(seen["proprioception"], robot=robot.name),
+            images=seen["images"],
+            command=_command(message[COMMAND]) if COMMAND in message else None,
+            instruction=seen["prompt"],
+            vocabulary=question.vocabulary,
+            steps=chunk_of(message) * _ticks(question.rate_hz),
+        )
+
+    def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """`actions`, (K, 23); one for each row of a client that has a rate of its own."""
+        rate_hz = asked.get(RATE, CONTROL_HZ)
+        if rate_hz != CONTROL_HZ:
+            actions = Resampler().resampled(actions, CONTROL_HZ, rate_hz, actions[0], whole=False)
+        return {"actions": actions}
+
+    def write(self, observation: Mapping[str, Any], command: Array, vocabulary: Any = None) -> dict[str, Any]:
+        """The message of an observation: the inverse of `read`."""
+        return {**write_observation(observation, vocabulary=vocabulary), COMMAND: command}
+
+
+def _ticks(rate_hz: float | None) -> int:
+    """Control steps in a row of a client's. Raises BadMessage."""
+    ticks = 1.0 if rate_hz is None else CONTROL_HZ / rate_hz
+    if not ticks.is_integer():
+        raise BadMessage(f"{RATE}: {rate_hz:g} is given; a rate that divides {CONTROL_HZ}, such as 10 or 15, is wanted")
+    return int(ticks)
+
+
+def _command(given: Any) -> Array:
+    if not (isinstance(given, np.ndarray) and given.shape == (ACTION_SIZE,) and given.dtype.kind in "iuf"):
+        what = f"{given.shape} {given.dtype}" if isinstance(given, np.ndarray) else shown(given)
+        raise BadMessage(f"{COMMAND}: {what} is given, ({ACTION_SIZE},) numbers are wanted")
+    if not np.isfinite(given).all():
+        raise BadMessage(f"{COMMAND}: not every value is finite")
+    return np.array(given, float)

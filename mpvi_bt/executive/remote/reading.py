@@ -1,0 +1,84 @@
+"""What one observation of a robot elsewhere says, whatever dialect it came in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from mpvi_bt.executive.remote.behavior_layout import SIZE
+from mpvi_bt.executive.remote.observation import Vocabulary
+from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
+from mpvi_bt.ground.errors import BadMessage, shown
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
+
+RESET, CHUNK = "reset", "__action_chunk_size__"  # keys that all dialects have
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One observation.
+
+    Attributes:
+        body: What the robot feels. Where commands are not told, `gripper_command` and `arm_command` are empty.
+        images: Pictures by camera.
+        placed: Whether the base's pose is told. If not, `body.base_pose` means nothing, and the poses of cameras are
+            those in the base frame.
+        command: (23,) the targets that the robot has now; None: they are not told.
+        task: Number of the task in BEHAVIOR's table; None: it is not told.
+        instruction: What is to be done, "" if it is not told.
+        vocabulary: What labels of pictures are called; None: it is not told.
+        steps: Control steps until the next observation, each of which wants an action.
+    """
+
+    body: Proprioception
+    images: Mapping[str, CameraImage]
+    placed: bool = True
+    command: Array | None = None
+    task: int | None = None
+    instruction: str = ""
+    vocabulary: Vocabulary | None = None
+    steps: int = 1
+
+
+class Dialect(Protocol):
+    """What names, units and orders an evaluator, or a robot's driver, has for all this."""
+
+    @property
+    def name(self) -> str:
+        """As `--protocol` has it."""
+        ...
+
+    def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
+        """What an observation says. Raises BadMessage: what is wrong, where, and what would be right."""
+        ...
+
+    def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """The answer (K, 23) to an observation, of which nothing needs to be right but how many actions it wants."""
+        ...
+
+
+def chunk_of(message: Mapping[str, Any]) -> int:
+    """How many actions an observation wants. Raises BadMessage."""
+    given = message.get(CHUNK, 1)
+    try:
+        count = int(np.asarray(given).reshape(()))
+    except (TypeError, ValueError, OverflowError):
+        count = 0
+    if not 1 <= count <= MOST_ACTIONS:
+        raise BadMessage(f"{CHUNK}: {shown(given)} is given, 1 to {MOST_ACTIONS} is wanted")
+    return count
+
+
+def spoken(message: Mapping[str, Any]) -> str:
+    """The dialect that an observation seems to be of; "" if it is of none."""
+    if "proprioception" in message:
+        return "openpi"
+    for key, value in message.items():
+        if isinstance(key, str) and key.endswith("::proprio") and isinstance(value, np.ndarray):
+            return next((name for name, size in SIZE.items() if value.shape[-1:] == (size,)), "")
+    return ""

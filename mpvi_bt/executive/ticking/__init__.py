@@ -1,0 +1,1 @@
+"""The loop that ticks, and what steers it: replanning, the debugger, stopping and resuming."""

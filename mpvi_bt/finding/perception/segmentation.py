@@ -1,0 +1,212 @@
+"""The `segmentation` detector: reads the label channel of a rendered picture, and errs where it is asked to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.finding.perception.detector import ROBOT, SWITCH, Detection, switch_of
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.ground.words.phrases import Vocabulary, read
+from mpvi_bt.ground.words.sizes import Mistakes
+
+NAME = "segmentation"
+LEAST_PX = 20
+LOWEST_SCORE = 0.35  # of a detector that confuses: the usual threshold of Grounding DINO
+_TABLE = 1 << 20  # label ids below this are looked up in a table
+
+
+@dataclass(frozen=True)
+class DetectionErrors(Mistakes):
+    """How often and how far the detector errs; 0 switches a mistake off.
+
+    The robot's own parts are never mistaken. Our choice: draws of one picture say nothing of the next one.
+
+    Attributes:
+        miss: Probability that a thing that a picture shows is not seen.
+        confuse: Probability that a phrase is seen in something that it does not name: false detections a picture and
+            phrase, if there is anything else in view. Scores, else 1, then tell a little: they are drawn from
+            `LOWEST_SCORE` to 1, where the density of right ones rises linearly and that of false ones falls.
+        jitter: Standard deviation of each edge of a box [px]; its mask is stretched along.
+    """
+
+    MOST = {"miss": 1.0, "confuse": 1.0, "jitter": 50.0}
+    EXAMPLE = "miss=0.1,confuse=0.05,jitter=2"
+
+    miss: float = 0.0
+    confuse: float = 0.0
+    jitter: float = 0.0
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        return f"misses {self.miss:.1%}, confuses {self.confuse:.1%}, edges off by {self.jitter:g} px"
+
+
+NO_ERRORS = DetectionErrors()
+
+
+class SegmentationDetector:
+    """Reads the picture's label channel: the stand-in for an open-vocabulary detector, blind to what the label says.
+
+    It hands out masks by phrase, not names: two cans are two detections of "can", and nothing tells which is which.
+    Only visible pixels count. A switch has a label of its own; it is called by its thing, as "switch of the radio".
+
+    The mistakes follow from the seed and from how many pictures came before: the same pictures in the same order have
+    the same ones. What is missed and where things are drawn does not depend on what is asked for.
+
+    Attributes:
+        name: "segmentation", with its errors' address if they are on.
+        note: One line on the errors to be printed; "" if they are off.
+        prompt: It waits for nothing; see `Guarded`.
+    """
+
+    prompt = True
+
+    def __init__(
+        self,
+        vocabulary: Mapping[str, Iterable[str]],
+        least_px: int = LEAST_PX,
+        errors: DetectionErrors = NO_ERRORS,
+        seed: int = 0,
+    ) -> None:
+        """Take the vocabulary.
+
+        Args:
+            vocabulary: Label of each thing to what people call it.
+            least_px: A thing of fewer visible pixels is not seen. Its default is measured, see docs/detectors.md.
+            errors: Mistakes to make.
+            seed: Of the mistakes.
+        """
+        called = {label: list(phrases) for label, phrases in vocabulary.items()}
+        switches = {label + SWITCH: [switch_of(p) for p in phrases] for label, phrases in called.items()}
+        self._vocabulary = Vocabulary({**called, **switches})
+        self._least_px, self._errors, self._seed = least_px, errors, seed
+        self._pictures = 0
+        self.name = f"{NAME}:{errors.address}" if errors.address else NAME
+        self.note = f"detector {NAME} errs on purpose: {errors}, seed {seed}" if errors.address else ""
+
+    def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+        """As `Detector` says; a picture without labels shows nothing."""
+        rng = np.random.default_rng([self._seed, self._pictures]) if self.note else None
+        self._pictures += 1
+        if image.labels is None:
+            return []
+        size = image.labels.shape
+        meant = {phrase: {ROBOT} if phrase == ROBOT else set(self._vocabulary.named(phrase)) for phrase in phrases}
+        # Whoever errs may take for a phrase whatever is in view.
+        names = set(image.names.values()) if rng is not None else set().union(*meant.values())
+        things = self._visible(image.labels, image.names, names)
+        if rng is not None:
+            things = [t for thing in things if (t := self._mistaken(thing, size, rng)) is not None]
+        found = []
+        for phrase, labels in meant.items():
+            own = [thing for thing in things if thing.label in labels]
+            if rng is not None and phrase != ROBOT and read(phrase) is not None:
+                others = [thing for thing in things if thing.label not in (*labels, ROBOT)]
+                own += self._confused(others, rng)
+            found += [Detection(phrase, thing.score, thing.box.copy(), thing.spread(size)) for thing in own]
+        return found
+
+    def save(self) -> dict[str, int]:
+        """How many pictures there were: the mistakes in the next one depend on that."""
+        return {"pictures": self._pictures}
+
+    def restore(self, saved: Mapping[str, int]) -> None:
+        """Go on after as many. Raises KeyError, TypeError or ValueError if that is not as `save` writes it."""
+        self._pictures = int(saved["pictures"])
+
+    def _mistaken(self, thing: _Seen, size: tuple[int, ...], rng: np.random.Generator) -> _Seen | None:
+        """A thing as it seems to be, or None if it is missed. Each takes as many draws as any other."""
+        missed, rank = rng.random(2)
+        edges = rng.normal(0.0, self._errors.jitter, 4)
+        if thing.label == ROBOT:
+            return thing
+        if missed < self._errors.miss:
+            return None
+        score = LOWEST_SCORE + (1.0 - LOWEST_SCORE) * float(np.sqrt(rank)) if self._errors.confuse else 1.0
+        moved = thing.stretched(edges, size) if self._errors.jitter else thing
+        return None if moved is None else replace(moved, score=score)
+
+    def _confused(self, others: Sequence[_Seen], rng: np.random.Generator) -> list[_Seen]:
+        """What a phrase is wrongly seen in: one of what it does not name, or nothing."""
+        confused, which, rank = rng.random(3)
+        if confused >= self._errors.confuse or not others:
+            return []
+        score = 1.0 - (1.0 - LOWEST_SCORE) * float(np.sqrt(rank))
+        return [replace(others[int(which * len(others))], score=score)]
+
+    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str], wanted: set[str]) -> list[_Seen]:
+        """Each of the wanted things that enough of is seen, in the order of their labels."""
+        known = sorted(wanted.intersection(names.values()))
+        index = {name: k + 1 for k, name in enumerate(known)}
+        last = int(labels.max(initial=0))
+        if last < _TABLE and labels.min(initial=0) >= 0:
+            table = np.zeros(last + 1, np.uint8 if len(known) < 256 else np.int32)
+            for id_, name in names.items():
+                if 0 <= id_ <= last and name in index:
+                    table[id_] = index[name]
+            shown = np.take(table, labels)
+        else:  # ids that come from elsewhere may be any numbers
+            ids, places = np.unique(labels, return_inverse=True)
+            table = np.array([index.get(names.get(id_, ""), 0) for id_ in ids.tolist()], np.int32)
+            shown = table[places].reshape(labels.shape)
+        lit = shown > 0
+        if not lit.any():
+            return []
+        tall, wide = (np.flatnonzero(lit.any(axis)) for axis in (1, 0))
+        top, left = int(tall[0]), int(wide[0])  # in most pictures it is little that counts
+        shown = shown[top : tall[-1] + 1, left : wide[-1] + 1]
+        corner, found = np.array([left, top] * 2), []
+        for k, box in enumerate(ndimage.find_objects(shown, len(known)), start=1):
+            if box is None:
+                continue
+            (rows, columns), mask = box, shown[box] == k
+            if np.count_nonzero(mask) >= (1 if known[k - 1] == ROBOT else self._least_px):
+                edges = [columns.start, rows.start, columns.stop, rows.stop]
+                found.append(_Seen(known[k - 1], corner + edges, mask))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A thing in a picture.
+
+    Attributes:
+        label: What it is.
+        box: (4,) left, top, right, bottom [px], the last ones exclusive.
+        mask: (bottom - top, right - left) bool, within it.
+        score: How surely it is detected, 0 to 1.
+    """
+
+    label: str
+    box: NDArray[np.intp]
+    mask: NDArray[np.bool_]
+    score: float = 1.0
+
+    def spread(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """(H, W) bool: the mask of the whole picture."""
+        mask = np.zeros(shape, bool)
+        left, top, right, bottom = self.box
+        mask[top:bottom, left:right] = self.mask
+        return mask
+
+    def stretched(self, edges: Array, shape: tuple[int, ...]) -> _Seen | None:
+        """With its box's edges moved by (4,) [px], as far as it is in the picture; None if nothing of it is."""
+        left, top, right, bottom = np.rint(self.box + edges).astype(int).tolist()
+        right, bottom = max(right, left + 1), max(bottom, top + 1)
+        height, width = self.mask.shape
+        rows = (np.arange(max(top, 0), min(bottom, shape[0])) - top) * height // (bottom - top)
+        columns = (np.arange(max(left, 0), min(right, shape[1])) - left) * width // (right - left)
+        mask = self.mask[np.ix_(rows, columns)]
+        (inside,) = ndimage.find_objects(mask.astype(np.uint8), 1)
+        if inside is None:
+            return None
+        tall, wide = inside
+        corner = np.array([max(left, 0), max(top, 0)] * 2)
+        box = corner + [wide.start, tall.start, wide.stop, tall.stop]
+        return replace(self, box=box, mask=mask[tall, wide])

@@ -1,0 +1,135 @@
+"""Pictures as a policy remembers them: points in the world by its own reckoning, and what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.finding.perception.detector import ROBOT, Detector
+from mpvi_bt.finding.perception.localize import pixels
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
+from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception
+from mpvi_bt.ground.robot.robots import robot_named
+
+# Our choice: the edges of masks and of steps in depth are off by a pixel or two.
+_OWN_PX = 2  # the robot's mask is grown so far
+_STEEP = 4.0  # faces seen at a flatter slant than one in so many are rare; their next row is that much farther
+FLOOR_M = 0.025  # our choice: what is lower than this is taken for the floor, as camera mounts are off
+SEEN_PX = 6  # our choice: a mask of fewer pixels tells no shape, and is not looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """The pixels that a detector found for a phrase.
+
+    Attributes:
+        phrase: As asked for.
+        mask: (H, W) bool.
+    """
+
+    phrase: str
+    mask: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture.
+
+    Attributes:
+        image: With `T_world_camera` as the joints have it.
+        points: (H, W, 3) world position of every pixel [m]; nan where nothing was measured.
+        robot: (H, W) bool, the robot's own pixels, grown.
+        detections: What it shows of what was asked for.
+        stand: Which of the robot's standing places it was taken from.
+        way_m: How far the base had driven, turns counted by the distance that its wheels roll.
+    """
+
+    image: CameraImage
+    points: Array
+    robot: NDArray[np.bool_]
+    detections: tuple[Shown, ...]
+    stand: int
+    way_m: float
+
+    @property
+    def eye(self) -> Array:
+        """(3,) where the camera was."""
+        return self.image.T_world_camera[:3, 3]
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(H, W) bool: pixels of the surroundings that have a depth."""
+        return (self.image.depth > 0) & ~self.robot
+
+    @property
+    def floor(self) -> NDArray[np.bool_]:
+        """(H, W) bool: pixels of the floor."""
+        return np.asarray(self.points[..., 2] < FLOOR_M)
+
+    def of(self, mask: NDArray[np.bool_]) -> Array:
+        """(n, 3) points of a mask."""
+        return self.points[mask & self.measured]
+
+    def cut(self, mask: NDArray[np.bool_]) -> bool:
+        """Whether a mask is cut by the edge of the picture or, before the head, by the robot's own arms."""
+        edge = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()
+        near = self.image.camera == "head" and not edge and ndimage.binary_dilation(mask, iterations=_OWN_PX)
+        return bool(edge or (near & self.robot).any())
+
+    def depth_at(self, p_world: Array) -> tuple[float, float] | None:
+        """(depth of a point, depth measured there) [m], or None if it is out of the picture or nothing was measured."""
+        p = matmul(kin.inverse(self.image.T_world_camera), np.append(p_world, 1.0))
+        if p[2] < 0.05:
+            return None
+        u = int(self.image.K[0, 0] * p[0] / p[2] + self.image.K[0, 2])
+        v = int(self.image.K[1, 1] * p[1] / p[2] + self.image.K[1, 2])
+        height, width = self.image.depth.shape
+        if not (2 <= u < width - 2 and 2 <= v < height - 2) or self.robot[v, u]:
+            return None
+        seen = float(np.median(self.image.depth[v - 1 : v + 2, u - 1 : u + 2]))
+        return (float(p[2]), seen) if seen > 0 else None
+
+
+def take(
+    image: CameraImage, felt: Proprioception, detector: Detector, phrases: Sequence[str], stand: int, way_m: float
+) -> Frame:
+    """A picture taken in: where the camera is follows from the joints alone."""
+    base = kin.base(felt.base_pose)
+    side = next((s for s in SIDES if s == image.camera), None)
+    robot = robot_named(felt.robot)
+    camera = robot.head_camera(felt.torso) if side is None else robot.wrist_camera(felt.torso, felt.arm[side], side)
+    # Single pixels are noisy. What stands out from its neighbors by more than noise is an edge, or thin, and stays; a
+    # hole stays a hole: nothing is known there.
+    near = ndimage.median_filter(image.depth, 3)
+    smooth = (image.depth > 0) & (np.abs(near - image.depth) < DEPTH_NOISE.pixel_m * image.depth**2)
+    depth = np.where(smooth, near, image.depth).astype(np.float32)
+    image = replace(image, T_world_camera=matmul(base, camera), depth=depth)
+    found = [Shown(d.phrase, pixels(d, image)) for d in detector.detect(image, [ROBOT, *phrases])]
+    own = np.zeros(image.depth.shape, bool)
+    for shown in found:
+        if shown.phrase == ROBOT:
+            own |= shown.mask
+    own = ndimage.binary_dilation(own, np.ones((3, 3), bool), iterations=_OWN_PX)
+    things = tuple(replace(s, mask=_without_background(s.mask, image)) for s in found if s.phrase != ROBOT)
+    return Frame(image, image.points_world(), own, things, stand, way_m)
+
+
+def _without_background(mask: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:
+    """(H, W) bool: a mask without what its edge has caught of what is behind the thing, next to it a wall, mostly."""
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return mask
+    window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(columns.min() - 1, 0) : columns.max() + 2]
+    own, depth = mask[window], image.depth[window]
+    edge = own & ~ndimage.binary_erosion(own, np.ones((3, 3), bool))
+    nearest = ndimage.minimum_filter(np.where(own & (depth > 0), depth, np.inf), 3, mode="nearest")
+    kept = mask.copy()
+    kept[window] &= ~(edge & (depth - nearest > _STEEP * depth / float(image.K[0, 0])))
+    return kept

@@ -1,0 +1,189 @@
+"""What the hands hold of what is known, by touch: it moves with them, and stays where they let go of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, Literal, Protocol, Self, TypeVar
+
+import numpy as np
+
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.squeeze import squeezes
+
+Hand = Literal["left", "right", "both"]
+HANDS: tuple[Hand, Hand, Hand] = ("left", "right", "both")
+
+
+@dataclass(frozen=True)
+class Touch:
+    """How touch tells what the hands take.
+
+    Our choice: sooner than the arm comes to rest, and not while the fingers still move. A hand closes on what it was
+    led to. Shapes are off by some centimeters, boxes about things that were seen from one side by more, those of large
+    things by most.
+
+    Attributes:
+        steady_m: Fingers that move less than that in a step [m],
+        steady_steps: so many steps in a row, have met something.
+        grasped_m: From a hand to what it takes, at the most [m].
+        pressed_m: Likewise from two hands to what they press [m].
+        outer: What contains a thing covers that much more floor than it [ratio].
+    """
+
+    steady_m: float = 0.0005
+    steady_steps: int = 3
+    grasped_m: float = 0.08
+    pressed_m: float = 0.15
+    outer: float = 1.2
+
+    def reach_m(self, hand: Hand) -> float:
+        """From a hand, or the farther one of both, to what it takes, at the most."""
+        return self.pressed_m if hand == "both" else self.grasped_m
+
+
+TOUCH = Touch()
+
+
+class Movable(Protocol):
+    """What is known of a thing: a shape, or a box about it."""
+
+    def moved(self, M: Array, /) -> Self:
+        """The same, carried along by the motion `M` (4, 4) of the world frame into itself."""
+        ...
+
+
+Body = TypeVar("Body", bound=Movable)
+
+
+@dataclass(frozen=True, eq=False)
+class Carried(Generic[Body]):
+    """A thing that a hand carries, as it was when it came to be carried.
+
+    Attributes:
+        body: What it was then. Kept so: a box about a turned box, turned again, grows each time.
+        T_tcp_world: (4, 4) inverse of the hand's pose then; of both hands the left one's counts.
+    """
+
+    body: Body
+    T_tcp_world: Array
+
+
+@dataclass(eq=False)
+class Grip(Generic[Body]):
+    """What a hand took.
+
+    Attributes:
+        name: As it is known; None: nobody knows it.
+        loads: It and what is in it, by name.
+    """
+
+    name: str | None
+    loads: dict[str, Carried[Body]] = field(default_factory=dict)
+
+
+class HandTracker(Generic[Body]):
+    """Tells by proprioception alone when hands take and let go, and where what they carry is.
+
+    Which thing it is that they take says who knows things.
+
+    Attributes:
+        grips: What each hand, and both between them, hold.
+        felt: The last control step.
+        width: How far the fingers of each hand stood apart in the last step [m],
+        steady: and in how many steps, one after the other, they have not moved.
+    """
+
+    def __init__(self) -> None:
+        """Hold nothing."""
+        self.grips: dict[Hand, Grip[Body]] = {}
+        self.width: dict[Side, float] = {}
+        self.steady: dict[Side, int] = {}
+        self.felt: Proprioception | None = None
+        self._tcps: dict[Hand, Array] = {}
+
+    def be(self, felt: Proprioception) -> None:
+        """Know where the hands are now."""
+        self.felt, self._tcps = felt, {}
+
+    def feel(self, felt: Proprioception) -> Iterator[tuple[Hand, bool]]:
+        """Take in one control step; the same one again changes nothing.
+
+        Yields:
+            Each hand that begins to hold something, with true, or ceases to: `take` and `release` follow.
+        """
+        again = felt is self.felt
+        self.be(felt)
+        for side in felt.sides:
+            width, holds = felt.gripper_width[side], felt.holds(side)
+            if not again:  # of fingers that are felt for the first time nothing says that they move
+                still = abs(width - self.width.get(side, width)) < TOUCH.steady_m
+                self.steady[side] = self.steady.get(side, TOUCH.steady_steps) + 1 if still else 0
+            self.width[side] = width
+            if holds != (side in self.grips) and (not holds or self.steady[side] >= TOUCH.steady_steps):
+                yield side, holds
+        if (pressed := squeezes(felt)) != ("both" in self.grips):
+            yield "both", pressed
+
+    def tcps(self, hand: Hand) -> Array:
+        """T_world_tcp (1 or 2, 4, 4) of a hand, or of both, the left one's first, as felt."""
+        if hand not in self._tcps:
+            assert self.felt is not None
+            felt, robot, sides = self.felt, robot_named(self.felt.robot), SIDES if hand == "both" else (hand,)
+            tcps = np.stack([robot.tcp(felt.torso, felt.arm[side], side) for side in sides])
+            self._tcps[hand] = matmul(kin.base(felt.base_pose), tcps)
+        return self._tcps[hand]
+
+    def take(self, hand: Hand, name: str | None) -> None:
+        """Know which thing a hand holds, None: one that nobody knows; `load` says where it is."""
+        if name is not None:
+            self.take_out(name)
+        self.grips[hand] = Grip(name)
+
+    def take_out(self, name: str) -> None:
+        """Know a thing to be carried no more in what hands hold."""
+        for grip in self.grips.values():
+            if grip.name != name:
+                grip.loads.pop(name, None)
+
+    def load(self, hand: Hand, name: str, body: Body) -> None:
+        """Know a thing, which is as `body` says now, to be carried by what a hand does from now on."""
+        self.grips[hand].loads[name] = Carried(body, kin.inverse(self.tcps(hand)[0]))
+
+    def release(self, hand: Hand) -> Grip[Body]:
+        """Know a hand to hold nothing any more. Returns what it held, with what that was when it was taken."""
+        return self.grips.pop(hand)
+
+    def held(self, hand: Hand) -> str | None:
+        """The thing that a hand holds; None also of one that nobody knows."""
+        return self.grips[hand].name if hand in self.grips else None
+
+    def names(self) -> set[str]:
+        """All that the hands hold."""
+        return {grip.name for grip in self.grips.values() if grip.name is not None}
+
+    def holder(self, name: str) -> Hand | None:
+        """The hand that holds a thing; of two the one that took it first."""
+        return next((hand for hand, grip in self.grips.items() if grip.name == name), None)
+
+    def carried(self, name: str) -> Body | None:
+        """A thing that the hands carry, as it is now; None if they do not."""
+        for hand, grip in self.grips.items():
+            if (load := grip.loads.get(name)) is not None:
+                return load.body.moved(matmul(self.tcps(hand)[0], load.T_tcp_world))
+        return None
+
+
+def falls_into(center: Array, rooms: Sequence[Array]) -> int | None:
+    """Index of the room in which a thing comes to lie that hands let go of: the highest one that is open below it.
+
+    Args:
+        center: (3,) the thing's middle.
+        rooms: (2, 3) lowest and highest corner of each.
+    """
+    below = [k for k, (low, high) in enumerate(rooms) if (center > low).all() and (center[:2] < high[:2]).all()]
+    return max(below, key=lambda k: float(rooms[k][1, 2]), default=None)

@@ -1,0 +1,397 @@
+"""What stands open, told from the body that it belongs to: no bar needs to be seen.
+
+A body is what fills its width and height behind a front plane; what reaches out before that plane hangs on it by one
+edge. A sheet that is thin from side to side is a door on an upright hinge, one that is thin in height a flap, and what
+is neither is a drawer. So a door is seen from within, where it hides its own bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.finding.shapes.moving_parts import PART, Door
+from mpvi_bt.finding.shapes.outlines import main_cluster
+from mpvi_bt.ground.compiled import compiled_later
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
+from mpvi_bt.ground.geometry.solids import Array, Solid
+from mpvi_bt.ground.robot.collision import Surroundings
+
+
+@dataclass(frozen=True)
+class LeafParameters:
+    """How what stands open shows, in front of the body that it belongs to.
+
+    Our choice, by furniture of the simulated houses seen from 1 to 2 m.
+
+    Attributes:
+        sampled: Points are enough.
+        turn_deg: From one heading of the front to the next [deg];
+        apart_deg: headings that are likely are so far apart [deg],
+        headings: and so many are tried.
+        row_m: Of rows in height [m],
+        rows: so many of which, the fullest, are its faces.
+        level: Rows that are so many times as full as the usual one are level faces.
+        slice_m: Of what is before a front [m].
+        least_points: Of anything that stands open.
+        body: A slice of the body has at least that share of the largest one's width times height [ratio].
+        dull: What explains as much without anything that stands open is the less likely: a side face, mostly [ratio].
+        before_m: What is that far before the front is not of the body [m].
+        reach_m: What reaches out less may be a bar, or a switch [m].
+        bars: Slices that bars reach out,
+        face: and how many times as full as one of them a face is.
+        thin_m: A slice of a sheet is thinner [m].
+        sheet_m: How near points are to a sheet [m],
+        on_sheet: and what share of them [ratio].
+        farthest_m: How far drawers come out, at the most [m];
+        rarer: a sheet that explains as much is the likelier [ratio].
+        as_tall: A drawer is not as tall as what it comes out of [ratio].
+        inner: Of an opening, without its rim [ratio].
+        least_rad: What is open less is not told from closed [rad].
+        most_rad: No upright door stands wider open [rad],
+        most_flap_rad: nor does a flap [rad].
+        bar_off_m: How far bars are from their faces [m].
+        alike: Cosine of directions that are alike.
+        shut: Of its limit: a front that is taken to be closed [ratio].
+        facing: Cosine, of fronts with the way to the eye.
+        beside_m: How far before a front the eye has to be to see what it shows [m].
+        deep_m: A body is deeper: a mere face may be anything [m].
+    """
+
+    sampled: int = 6000
+    turn_deg: float = 1.0
+    apart_deg: float = 5.0
+    headings: int = 6
+    row_m: float = 0.015
+    rows: int = 2
+    level: float = 4.0
+    slice_m: float = 0.02
+    least_points: int = 60
+    body: float = 0.62
+    dull: float = 0.95
+    before_m: float = 0.03
+    reach_m: float = 0.12
+    bars: int = 5
+    face: float = 4.0
+    thin_m: float = 0.13
+    sheet_m: float = 0.025
+    on_sheet: float = 0.7
+    farthest_m: float = 0.45
+    rarer: float = 0.7
+    as_tall: float = 0.75
+    inner: float = 0.8
+    least_rad: float = 0.3
+    most_rad: float = 2.2
+    most_flap_rad: float = 1.75
+    bar_off_m: float = 0.12
+    alike: float = 0.95
+    shut: float = 0.1
+    facing: float = -0.3
+    beside_m: float = 0.05
+    deep_m: float = 0.12
+
+
+_LEAF = LeafParameters()
+FEWEST = 20  # our choice: points of any part that something is told from
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLeaf:
+    """What stands open of a thing.
+
+    Attributes:
+        door: It; without a bar.
+        out: (3,) unit vector out of the front that it hangs on.
+        front_m: Where that front is along `out`.
+    """
+
+    door: Door
+    out: Array
+    front_m: float
+
+
+def leaf(points: Array, eye: Array) -> OpenLeaf | None:
+    """What stands open of a thing.
+
+    Args:
+        points: (n, 3) of the thing, in the world [m].
+        eye: (3,) where they were seen from.
+
+    Returns:
+        None if nothing reaches out far enough.
+    """
+    rng = np.random.default_rng(0)
+    points = points if len(points) < _LEAF.sampled else points[rng.choice(len(points), _LEAF.sampled, replace=False)]
+    toward = (eye - np.median(points, axis=0)) * [1.0, 1.0, 0.0]
+    toward /= max(float(norm(toward)), 1e-9)
+    steep = _steep(points)
+    most, found = -1.0, None
+    for yaw in _headings(points[steep]):
+        for out in (np.array([np.cos(a), np.sin(a), 0.0]) for a in yaw + np.arange(4) * np.pi / 2):
+            if matmul(out, toward) > _LEAF.facing:
+                explained, way = _explained(points, steep, eye, out, most)
+                if explained > most:
+                    most, found = explained, way
+    return found
+
+
+def with_leaf(fronts: Sequence[Door], found: OpenLeaf | None) -> list[Door]:
+    """Fronts that were told by their bars, with what stands open, which tells more: the others there are closed.
+
+    Closed fronts that lie elsewhere than where it hangs speak against it.
+    """
+    if found is None:
+        return list(fronts)
+    door, closed = found.door, []
+    for front in fronts:
+        bar = front.bar
+        assert bar is not None
+        off_m = matmul(bar.center, found.out) - found.front_m
+        shut = front.position < _LEAF.shut * front.limit
+        if float(Surroundings(found.door.solids).distance(bar.center[None])[0]) < _LEAF.bar_off_m:
+            door = replace(door, bar=bar, solids=(*door.solids[:1], *front.solids[1:]))
+        elif abs(off_m) < _LEAF.bar_off_m and matmul(bar.outward, found.out) > _LEAF.alike:
+            closed.append(replace(front, position=0.0))
+        elif shut:
+            return list(fronts)
+    return [door, *closed]
+
+
+def within_drawer(door: Door) -> Solid | None:
+    """The room inside a drawer that stands open, in the world: behind its face, as high as that; None where none is."""
+    if door.kind != "slide" or door.position < _LEAF.reach_m:
+        return None
+    across = np.cross(_Z, door.axis)
+    R, face = np.stack([door.axis, across, _Z], axis=1), door.solids[0]
+    half = matmul(np.abs(matmul(R.T, face.T[:3, :3])), face.half_m)
+    inner = np.array([door.position / 2, half[1] - PART.panel_m, half[2] - PART.panel_m / 2])
+    middle = face.T[:3, 3] - door.axis * (half[0] + inner[0]) + _Z * PART.panel_m / 2  # it has a bottom
+    return Solid("box", inner, kin.transform(R, middle))
+
+
+def _headings(steep: Array) -> list[float]:
+    """Angles [rad], modulo a right angle, along which points lie in rows, the sharpest first."""
+    angles = np.radians(np.arange(0.0, 90.0, _LEAF.turn_deg))
+    sharp = _in_step(steep, np.cos(angles), np.sin(angles), _LEAF.row_m)
+    out: list[int] = []
+    for i in np.argsort(-sharp):
+        if all(min(abs(i - j), len(angles) - abs(i - j)) > _LEAF.apart_deg / _LEAF.turn_deg for j in out):
+            out.append(int(i))
+    return [float(angles[i]) for i in out[: _LEAF.headings]]
+
+
+@compiled_later
+def _in_step(points, c, s, row_m):  # type: ignore
+    """(n,) the sum of squared counts of rows of points along two axes that are turned by angles of cosines `c` (n,)."""
+    out = np.zeros(len(c))
+    row = np.empty(len(points))
+    for k in range(len(c)):
+        for axis in range(2):
+            x, y = (c[k], s[k]) if axis == 0 else (-s[k], c[k])
+            for i in range(len(points)):
+                row[i] = x * points[i, 0] + y * points[i, 1]
+            low = row.min()
+            counts = np.zeros(int((row.max() - low) / row_m) + 1)
+            for i in range(len(points)):
+                counts[int((row[i] - low) / row_m)] += 1.0
+            for count in counts:
+                out[k] += count * count
+    return out
+
+
+def _steep(points: Array) -> NDArray[np.bool_]:
+    """(n,) bool: points that are not on level faces."""
+    k = np.floor((points[:, 2] - points[:, 2].min()) / _LEAF.row_m).astype(int)
+    counts = np.bincount(k)
+    return np.asarray(counts[k] < max(_LEAF.level * np.median(counts[counts > 0]), _LEAF.least_points / 4))
+
+
+def _explained(
+    points: Array, steep: NDArray[np.bool_], eye: Array, out: Array, most: float
+) -> tuple[float, OpenLeaf | None]:
+    """How many points a body whose front faces `out`, with what hangs on it, explains, and that; 0 if surely no more.
+
+    Args:
+        points: (n, 3).
+        steep: (n,) bool, see `_steep`.
+        eye: (3,) where they were seen from.
+        out: (3,) unit vector.
+        most: So many another one explains.
+    """
+    across = np.cross(_Z, out)
+    suz = np.stack([matmul(points, out), matmul(points, across), points[:, 2]], 1)
+    front = front_of(suz)
+    if front is None or matmul(eye, out) < front + _LEAF.beside_m or front - np.percentile(suz[:, 0], 1) < _LEAF.deep_m:
+        return 0.0, None
+    of_body = suz[:, 0] <= front + _LEAF.before_m
+    body, ahead = suz[of_body], suz[~of_body]
+    explained = float(_in_rows(suz[of_body & steep]))
+    if explained + len(ahead) <= most:
+        return 0.0, None
+    ahead = main_cluster(ahead) if len(ahead) >= _LEAF.least_points else ahead[:0]
+    if len(ahead) < _LEAF.least_points or np.percentile(ahead[:, 0], 98) - front < _LEAF.reach_m:
+        return _LEAF.dull * explained, None
+    box = np.percentile(body, [1, 99], axis=0)
+    ways = [
+        _drawer(ahead, front, box),
+        *(hinged(ahead, front, box, k) for k in (1, 2) if _thickness(ahead, k) < _LEAF.thin_m),
+    ]
+    able = [way for way in ways if way is not None]
+    if not able:
+        return _LEAF.dull * explained, None
+    door, share = max(able, key=lambda way: way[1])
+    deeper, solid = _opening(door, body, front) if door.kind == "hinge" else (0, 0)
+    if solid > deeper:
+        return _LEAF.dull * explained, None
+    R = np.stack([out, across, _Z], axis=1)
+    T = np.eye(4)
+    T[:3, :3] = R
+    solids = tuple(s.moved(T) for s in door.solids)
+    origin, axis = matmul(R, door.origin), matmul(R, door.axis)
+    door = Door(door.name, door.kind, origin, axis, door.position, door.limit, None, solids)
+    return explained + share * len(ahead), OpenLeaf(door, out, front)
+
+
+def _opening(door: Door, body: Array, front: float) -> tuple[int, int]:
+    """How many points are behind the closed place of a hinged door, and how many are in it, in (s, u, z)."""
+    R = Rotation.from_rotvec(-door.axis * door.position).as_matrix()
+    shut = matmul(kin.transform(R, door.origin - matmul(R, door.origin)), door.solids[0].T)
+    half = door.solids[0].half_m
+    local = np.abs(matmul(body - shut[:3, 3], shut[:3, :3]))
+    behind = body[(local[:, 0] < _LEAF.inner * half[0]) & (local[:, 2] < _LEAF.inner * half[2])]
+    deeper = int((behind[:, 0] < front - _LEAF.before_m).sum())
+    return deeper, len(behind) - deeper
+
+
+def _in_rows(body: Array) -> int:
+    """How many points are in the fullest rows along the first two axes."""
+    own = np.zeros(len(body), bool)
+    if not len(body):
+        return 0
+    for axis in (0, 1):
+        k = np.floor((body[:, axis] - body[:, axis].min()) / _LEAF.row_m).astype(int)
+        own |= np.isin(k, np.argsort(-np.bincount(k))[: _LEAF.rows])
+    return int(own.sum())
+
+
+def front_of(suz: Array) -> float | None:
+    """Where the body ends, along the first axis."""
+    k = np.floor(suz[:, 0] / _LEAF.slice_m).astype(int)
+    first = k.min()
+    order = np.argsort(k, kind="stable")
+    starts = np.searchsorted(k[order], np.arange(first, k.max() + 2))
+    u, z = suz[order, 1], suz[order, 2]
+    areas = np.zeros(len(starts) - 1)
+    for i, end in enumerate(starts[1:]):
+        own = slice(starts[max(i - 1, 0)], end)
+        if end - own.start >= FEWEST:
+            areas[i] = _span(u[own]) * _span(z[own])
+    if areas.max() <= 0:
+        return None
+    last = int(np.flatnonzero(areas >= _LEAF.body * areas.max()).max())
+    # Bars of what is closed reach out, too, and lie far apart: the face that they stand on has many times their points.
+    near = [_fullest(suz[(k - first >= last - back) & (k - first <= last + 1), 0]) for back in (1, _LEAF.bars)]
+    return near[1][0] if near[1][1] > _LEAF.face * near[0][1] else near[0][0]
+
+
+def _span(values: Array) -> float:
+    """From the 3rd to the 97th percentile of at least two values, as np.percentile has it, at a sixth of the cost."""
+    at = [share * (len(values) - 1) for share in (0.03, 0.97)]
+    part = np.partition(values, [k for x in at for k in (int(x), int(x) + 1)])
+    low, high = (_between(float(part[int(x)]), float(part[int(x) + 1]), x - int(x)) for x in at)
+    return high - low
+
+
+def _between(a: float, b: float, share: float) -> float:
+    return a + (b - a) * share if share < 0.5 else b - (b - a) * (1 - share)
+
+
+def _fullest(values: Array) -> tuple[float, int]:
+    """The value that most are near to, and how many."""
+    counts, edges = np.histogram(values, np.arange(values.min(), values.max() + 0.01, 0.005))
+    return float(edges[int(counts.argmax())] + 0.0025), int(counts.max())
+
+
+def _thickness(ahead: Array, axis: int) -> float:
+    """How thick slices are along an axis, the median."""
+    k = np.floor(ahead[:, 0] / _LEAF.slice_m).astype(int)
+    spans = [np.ptp(np.percentile(own[:, axis], [5, 95])) for i in np.unique(k) if len(own := ahead[k == i]) >= 8]
+    return float(np.median(spans)) if spans else 0.0
+
+
+def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float] | None:
+    """A sheet that turns about an edge at the front; `k` is the axis in which it is thin. In (s, u, z)."""
+    rng = np.random.default_rng(0)
+    flat = ahead[:, [0, k]]
+    best, normal, at = 0, np.zeros(2), 0.0
+    for a, b in rng.integers(len(flat), size=(150, 2)):
+        along = flat[b] - flat[a]
+        length = float(norm(along))
+        if length < 0.05:
+            continue
+        n = np.array([-along[1], along[0]]) / length
+        near = int((np.abs(matmul(flat - flat[a], n)) < _LEAF.sheet_m / 2).sum())
+        if near > best:
+            best, normal, at = near, n, float(matmul(flat[a], n))
+    own = np.abs(matmul(flat, normal) - at) < _LEAF.sheet_m
+    share = float(own.mean())
+    if share < _LEAF.on_sheet or abs(normal[1]) < 0.05:
+        return None
+    middle, (_, (t, _)) = flat[own].mean(0), principal_axes(flat[own])
+    t = t * np.sign(t[0])  # from the hinge to the free edge
+    if t[0] < 0.1:
+        return None
+    hinge = middle + t * (front - middle[0]) / t[0]
+    width = float(np.percentile(matmul(flat[own] - hinge, t), 99))
+    low, high = body[:, k]
+    inward = 1.0 if hinge[1] + width - high < low - (hinge[1] - width) else -1.0
+    angle = float(np.arctan2(t[0], inward * t[1]))
+    if not _LEAF.least_rad < angle < (_LEAF.most_rad if k == 1 else _LEAF.most_flap_rad):
+        return None
+    other = 3 - k
+    span = np.percentile(ahead[own][:, other], [1, 99])
+    origin = np.zeros(3)
+    origin[[0, k]], origin[other] = hinge, span.mean()
+    closed = np.zeros(3)
+    closed[k] = inward
+    axis = np.cross(closed, [1.0, 0.0, 0.0])
+    along = np.zeros(3)
+    along[[0, k]] = t
+    T = np.eye(4)
+    outward = np.cross(axis, along)
+    T[:3, :3] = np.stack([along, outward, np.cross(along, outward)], axis=1)
+    T[:3, 3] = origin + along * width / 2 - outward * 0.0
+    half = np.array([width, PART.panel_m, float(np.ptp(span))]) / 2
+    limit = max(PART.upright_rad if k == 1 else PART.flap_rad, angle)
+    return Door("leaf", "hinge", origin, axis, angle, limit, None, (Solid("box", half, T),)), share
+
+
+def _drawer(ahead: Array, front: float, body: Array) -> tuple[Door, float] | None:
+    """What is drawn out of a front, in (s, u, z), and the share of points on its faces."""
+    k = np.floor(ahead[:, 0] / _LEAF.slice_m).astype(int)
+    areas = {
+        i: _span(own[:, 1]) * _span(own[:, 2])
+        for i in np.unique(k) if len(own := ahead[(k == i) | (k == i + 1)]) >= FEWEST
+    }  # fmt: skip
+    most = max(areas.values(), default=0.0)
+    last = max((i for i, area in areas.items() if area > 0.6 * most), default=int(k.max()))
+    own = ahead[(k >= last) & (k <= last + 1)]
+    face = float(np.median(own[:, 0]))
+    low, high = np.percentile(own[:, 1:], [2, 98], axis=0)
+    T = np.eye(4)
+    T[:3, 3] = [face - PART.panel_m / 2, *((low + high) / 2)]
+    half = np.array([PART.panel_m, *(high - low)]) / 2
+    drawn = face - front
+    if not _LEAF.reach_m / 2 < drawn < _LEAF.farthest_m or high[1] - low[1] > _LEAF.as_tall * np.ptp(body[:, 2]):
+        return None
+    off = [np.abs(ahead[:, 0] - face), *np.abs(ahead[:, 1:] - low).T, *np.abs(ahead[:, 1:] - high).T]
+    share = _LEAF.rarer * float((np.min(off, axis=0) < _LEAF.sheet_m).mean())
+    solids = (Solid("box", half, T),)
+    out = np.array([1.0, 0.0, 0.0])
+    return Door("leaf", "slide", T[:3, 3].copy(), out, drawn, max(PART.slide_m, drawn), None, solids), share

@@ -1,0 +1,94 @@
+"""Kettles and the like: what is round, but for a handle that stands out to one side, and a spout to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.solids import Array
+
+
+@dataclass(frozen=True)
+class Handles:
+    """What stands out of something round, such as a handle or a spout.
+
+    Our choice, by kettles, cups and pans.
+
+    Attributes:
+        trials: Of circles through three points.
+        radius_m: Of what a hand goes around, least and most [m].
+        off_m: From the circle to a point of its side, at the most, beside the grain of the picture [m].
+        round: At least so much of what is seen from the side bends with the circle [ratio].
+        share: Of all points stand out, least and most [ratio].
+        long_m: How far they stand out, at the most [m],
+        half_rad: and to either side of a bearing [rad].
+        sides: Bearings at the most,
+        least: and points of each at least.
+    """
+
+    trials: int = 60
+    radius_m: tuple[float, float] = (0.02, 0.055)
+    off_m: float = 0.004
+    round: float = 0.65
+    share: tuple[float, float] = (0.02, 0.35)
+    long_m: float = 0.07
+    half_rad: float = 0.6
+    sides: int = 2
+    least: int = 5
+
+
+_HANDLE = Handles()
+
+
+def stand_out(points: Array, top: float, grain: float) -> list[NDArray[np.bool_]]:
+    """Which points (n, 3) of a round thing belong to its handle, and which to its spout, if it has any.
+
+    Our choice: taken as one with them, the body is wider than a hand opens.
+
+    Args:
+        points: Of what stands upright, in the world.
+        top: Its height there [m].
+        grain: How far points are off by noise [m].
+
+    Returns:
+        A mask (n,) for each; none where nothing stands out, or what is left is not round.
+    """
+    side = points[points[:, 2] < top - 0.01, :2]
+    if len(side) < 40:
+        return []
+    off = _HANDLE.off_m + grain
+    rng = np.random.default_rng(0)
+    best, found = 0, None
+    for a, b, c in side[rng.integers(0, len(side), (_HANDLE.trials, 3))]:
+        A = 2 * np.array([b - a, c - a])
+        (p, q), (r, s) = A
+        if abs(p * s - q * r) < 1e-8:
+            continue
+        u, v = matmul(b, b) - matmul(a, a), matmul(c, c) - matmul(a, a)
+        middle = np.array([s * u - q * v, p * v - r * u]) / (p * s - q * r)
+        radius = float(norm(a - middle))
+        if _HANDLE.radius_m[0] < radius < _HANDLE.radius_m[1]:
+            on = int((np.abs(norm(side - middle, axis=1) - radius) < off).sum())
+            if on > best:
+                best, found = on, (middle, radius)
+    if found is None or best < _HANDLE.round * len(side):
+        return []
+    middle, radius = found
+    away = points[:, :2] - middle
+    out = norm(away, axis=1) - radius
+    left = out > 1.5 * off
+    if not _HANDLE.share[0] < left.mean() < _HANDLE.share[1] or out.max() > _HANDLE.long_m or out.max() < 3 * off:
+        return []
+    bearing, parts = np.arctan2(away[:, 1], away[:, 0]), []
+    for _ in range(_HANDLE.sides):
+        if left.sum() < _HANDLE.least:
+            break
+        farthest = bearing[np.where(left, out, -np.inf).argmax()]
+        part = left & (np.abs(kin.wrap(bearing - farthest)) < _HANDLE.half_rad)
+        parts.append(part)
+        left = left & ~part
+    return parts if left.sum() < _HANDLE.least else []

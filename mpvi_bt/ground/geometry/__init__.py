@@ -1,0 +1,1 @@
+"""Geometry in space: solids, rotations, rays, and compiled loops over them."""

@@ -1,0 +1,146 @@
+"""What a robot is to the rest of the system: what it feels, what it sees, and the one command it is given a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.solids import Array
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
+ACTION_SIZE = 23
+EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
+
+
+def other(side: Side) -> Side:
+    """The other hand."""
+    return "left" if side == "right" else "right"
+
+
+class ActionLayout:
+    """Slices of the 23-number action, in BEHAVIOR's order. What a robot does not have is 0 in it.
+
+    Attributes:
+        BASE: vx, vy [m/s] and yaw rate [rad/s] in the base frame.
+        TORSO: Absolute targets of the torso's joints: of the r1 and the fetch lift [m], waist yaw, waist pitch, head
+            tilt [rad]; of the r1pro torso_joint1 to 4 [rad].
+        ARM: Seven joint targets [rad] of each arm.
+        GRIPPER: -1 closed ... 1 fully open.
+    """
+
+    BASE = slice(0, 3)
+    TORSO = slice(3, 7)
+    ARM: Mapping[Side, slice] = {"left": slice(7, 14), "right": slice(15, 22)}
+    GRIPPER: Mapping[Side, int] = {"left": 14, "right": 22}
+
+
+@dataclass(frozen=True, eq=False)
+class Proprioception:
+    """What the robot feels, measured at the present step.
+
+    Attributes:
+        base_pose: (3,) x, y [m] and yaw [rad, -pi..pi] in the world (Paper, Navigation: localization is assumed).
+        base_velocity: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
+        torso: (4,) its joints, as in `ActionLayout`.
+        arm: (7,) joint angles [rad] of each arm; a robot with one has it on the "right".
+        arm_velocity: (7,) [rad/s] of each arm.
+        gripper_width: Opening between the fingers [m], 0 to `open_m`, of each hand.
+        gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
+        arm_command: (7,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
+            arms press against keeps them from getting there.
+        torso_velocity: (4,) of the torso's joints [m/s or rad/s]; 0 where it is not felt.
+        gripper_velocity: How fast each hand opens [m/s]; empty where it is not felt.
+        robot: What robot it is, by name.
+        open_m: Between the fingers of a hand that is fully open.
+    """
+
+    base_pose: Array
+    base_velocity: Array
+    torso: Array
+    arm: Mapping[Side, Array]
+    arm_velocity: Mapping[Side, Array]
+    gripper_width: Mapping[Side, float]
+    gripper_command: Mapping[Side, float]
+    arm_command: Mapping[Side, Array] = field(default_factory=dict)
+    torso_velocity: Array = field(default_factory=lambda: np.zeros(4))
+    gripper_velocity: Mapping[Side, float] = field(default_factory=dict)
+    robot: str = "r1"
+    open_m: float = 0.10
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """The hands that it has."""
+        return tuple(side for side in SIDES if side in self.arm)
+
+    def holds(self, side: Side) -> bool:
+        """Whether a hand that was told to close has something between its fingers: it is wider than it was told to be.
+
+        Our choice: by over 3 mm. A hand that opens just enough to let go of a thin thing is told to be half closed.
+        """
+        if side not in self.arm:
+            return False
+        told_m = (self.gripper_command[side] + 1) / 2 * self.open_m
+        return self.gripper_command[side] < 0 and self.gripper_width[side] > told_m + EMPTY_M
+
+
+@dataclass(frozen=True, eq=False)
+class CameraImage:
+    """One picture.
+
+    Attributes:
+        camera: "head", "left" or "right" (the wrists).
+        rgb: (H, W, 3) uint8.
+        depth: (H, W) float32 [m] along the optical axis, 0 = nothing seen.
+        labels: (H, W) int32 ids of what each pixel shows, or None where there is no labeler (a real camera).
+        names: Label id to the name of the thing, such as "ashcan.n.01_1"; the robot's own parts map to "robot".
+        K: (3, 3) intrinsics [px].
+        T_world_camera: (4, 4) camera to world; optical frame: x right, y down, z forward.
+    """
+
+    camera: str
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    labels: NDArray[np.int32] | None
+    names: Mapping[int, str]
+    K: Array
+    T_world_camera: Array
+
+    def points_world(self) -> Array:
+        """(H, W, 3) world position [m] of every pixel; nan where depth is 0."""
+        h, w = self.depth.shape
+        u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+        z = np.where(self.depth > 0, self.depth, np.nan).astype(float)
+        p = np.stack([(u - self.K[0, 2]) / self.K[0, 0] * z, (v - self.K[1, 2]) / self.K[1, 1] * z, z], -1)
+        return matmul(p, self.T_world_camera[:3, :3].T) + self.T_world_camera[:3, 3]
+
+
+class Robot(Protocol):
+    """A robot that can be ticked: behaviors read it and write one command a step."""
+
+    @property
+    def action(self) -> Array:
+        """(23,) the command that the next step will carry out."""
+        ...
+
+    def act(self, action: Array) -> None:
+        """Set the command of the next step. Raises BackendError unless it is (23,) and finite."""
+        ...
+
+    def hold(self) -> None:
+        """Command the base to stand still and every joint to keep its present target."""
+        ...
+
+    def proprioception(self) -> Proprioception:
+        """What the robot feels now."""
+        ...
+
+    def look(self, camera: str) -> CameraImage:
+        """Render one camera now. Raises NoRenderingDevice where nothing can be drawn."""
+        ...

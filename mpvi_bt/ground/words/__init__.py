@@ -1,0 +1,1 @@
+"""Words for things: phrases, and the names that people use."""

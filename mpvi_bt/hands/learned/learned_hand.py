@@ -1,0 +1,75 @@
+"""One hand of a robot that a learned policy moves: what it feels and commands, as if it were the right one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import ActionLayout, Proprioception, Side
+from mpvi_bt.hands.learned import mirroring
+from mpvi_bt.hands.learned.features import Moments
+from mpvi_bt.hands.learned.mirroring import SIDE
+
+
+class LearnedHand:
+    """The left one is mirrored in what goes in and what comes out."""
+
+    def __init__(self, side: Side, felt: Proprioception) -> None:
+        """Begin from what is felt: the torso's command is taken to be where it is."""
+        self.side = side
+        self.feel(felt)
+        self.action = np.zeros(23)
+        self.action[ActionLayout.TORSO] = felt.torso
+        for s in felt.sides:
+            self.action[ActionLayout.ARM[s]] = felt.arm_command.get(s, felt.arm[s])
+            self.action[ActionLayout.GRIPPER[s]] = felt.gripper_command[s]
+
+    def feel(self, felt: Proprioception) -> None:
+        """Take in what is felt now."""
+        self.felt = felt
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether it is not the hand that was learned with."""
+        return self.side != SIDE
+
+    def points(self, points: Array) -> Array:
+        """Points (n, 3) as it sees them."""
+        return mirroring.points(points) if self.mirrored else points
+
+    def now(self) -> Moments:
+        """What it feels, and the commands in force: one moment."""
+        felt, told = self.felt, self.action
+        base, speed, torso, told_torso = felt.base_pose, felt.base_velocity, felt.torso, told[ActionLayout.TORSO]
+        arm, told_arm = felt.arm[self.side], told[ActionLayout.ARM[self.side]]
+        if self.mirrored:
+            base, speed = mirroring.base(base), mirroring.base(speed)
+            torso, told_torso = mirroring.torso(torso), mirroring.torso(told_torso)
+            arm, told_arm = mirroring.arm(arm), mirroring.arm(told_arm)
+        width, grip = felt.gripper_width[self.side], told[ActionLayout.GRIPPER[self.side]]
+        rows = (base, torso, arm, np.array(width), speed, told_torso, told_arm, np.array(grip))
+        return Moments(*(np.asarray(row, float)[None] for row in rows))
+
+    def command(self, base: Array, torso: Array, arm: Array, grip: float) -> Array:
+        """(23,) the action that moves it so; everything else keeps its command.
+
+        Args:
+            base: (3,) velocity in the base's frame [m/s, rad/s].
+            torso: (4,), arm: (7,) joints.
+            grip: -1 closed ... 1 open.
+        """
+        if self.mirrored:
+            base, torso, arm = mirroring.base(base), mirroring.torso(torso), mirroring.arm(arm)
+        self.action[ActionLayout.BASE], self.action[ActionLayout.TORSO] = base, torso
+        self.action[ActionLayout.ARM[self.side]], self.action[ActionLayout.GRIPPER[self.side]] = arm, grip
+        return self.action.copy()
+
+    def still(self, steps: int, grip: float | None = None) -> Array:
+        """(steps, 23) standing still; the fingers come to `grip` bit by bit."""
+        now = self.action[ActionLayout.GRIPPER[self.side]]
+        self.action[ActionLayout.BASE] = 0.0
+        rows = np.repeat(self.action[None], steps, 0)
+        if grip is not None:
+            rows[:, ActionLayout.GRIPPER[self.side]] = now + (grip - now) * np.arange(1, steps + 1) / steps
+            self.action = rows[-1].copy()
+        return rows

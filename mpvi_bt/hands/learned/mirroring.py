@@ -1,0 +1,49 @@
+"""The robot that is learned for, and the hand: the right one.
+
+The left hand's world is seen as the right hand's, mirrored in the plane y = 0. Each function is its own inverse.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.hands.robots.r1 import R1, mirrored
+
+BODY = R1
+SIDE: Side = "right"
+_BASE = np.array([1.0, -1.0, -1.0])  # x, y, yaw, or their rates
+_POINT = np.array([1.0, -1.0, 1.0])
+_TORSO = np.array([1.0, -1.0, 1.0, 1.0])  # the waist's yaw
+
+
+def base(base: Array) -> Array:
+    """(..., 3) poses or velocities of the base."""
+    return base * _BASE
+
+
+def torso(joints: Array) -> Array:
+    """(..., 4) joints of the torso."""
+    return joints * _TORSO
+
+
+def arm(joints: Array) -> Array:
+    """(..., 7) joints of one arm that bring it to the mirrored posture of the other one."""
+    return mirrored(joints, "right")
+
+
+def points(points: Array) -> Array:
+    """(..., 3) points."""
+    return points * _POINT
+
+
+def action(action: Array) -> Array:
+    """(..., 23) actions: what is told to one arm and hand is told to the other."""
+    out = np.array(action, float)
+    out[..., ActionLayout.BASE] = base(action[..., ActionLayout.BASE])
+    out[..., ActionLayout.TORSO] = torso(action[..., ActionLayout.TORSO])
+    for side, other in zip(SIDES, reversed(SIDES), strict=True):
+        out[..., ActionLayout.ARM[side]] = arm(action[..., ActionLayout.ARM[other]])
+        out[..., ActionLayout.GRIPPER[side]] = action[..., ActionLayout.GRIPPER[other]]
+    return out

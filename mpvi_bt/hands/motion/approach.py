@@ -1,0 +1,238 @@
+"""Going to a stance: looking on the way, taking up the posture, correcting it for what is seen there, coming away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Generator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot import arm_motion
+from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.gaze import studied, study
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.stance.stance import Option, Stance
+from mpvi_bt.hands.stance.stance_search import Search
+
+LEGS = 2  # our choice: drives around what is out of reach
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How a stance is gone to.
+
+    Our choice.
+
+    Attributes:
+        looks: At a thing that is only seen, with a drive between two.
+        spared: Of what a search takes, for the one that gives hidden space the benefit of the doubt [ratio].
+        pause_s: To earn what a search takes [s]: one that fails as it may take no more has not looked everywhere.
+        refined: Options near the planned one that a correction may take instead.
+        corrected: How far such a one may be off, see `_apart`.
+        inward_m_s: Base speed with the arm stretched out [m/s].
+    """
+
+    looks: int = 4
+    spared: float = 0.5
+    pause_s: float = 10.0
+    refined: int = 10
+    corrected: float = 0.8
+    inward_m_s: float = 0.25
+
+
+APPROACH = Approach()
+
+
+@dataclass(frozen=True)
+class Feeling:
+    """How a hand feels its way onto something.
+
+    Our choice.
+
+    Attributes:
+        speed_m_s: Speed of the hand until something stops it [m/s]: a faster one pushes what it meets farther.
+        back_m_s: Speed of the hand that draws back from what it has touched [m/s].
+        calm_s: Rest before it [s]: an arm that still swings from its last motion feels contacts that are none.
+        pressed_s: How long a switch is pressed [s]: twice as long as it takes to turn (`sim.switches.PRESSED_STEPS`).
+    """
+
+    speed_m_s: float = 0.06
+    back_m_s: float = 0.12
+    calm_s: float = 0.4
+    pressed_s: float = 0.4
+
+
+FEEL = Feeling()
+
+
+def approach(
+    work: Work, side: Side, name: str, options: Callable[[], Sequence[Option]], tried: list[Array]
+) -> Generator[Array, None, tuple[Stance, Search]]:
+    """Find a stance to work on a thing from, and its search; the base need not have moved there yet.
+
+    Where the scene is only seen, it looks before it searches, drives, looks from near, and searches again from there,
+    so that what it returns rests on what was seen from where it stands.
+
+    Args:
+        work: Robot and world.
+        side: The hand.
+        name: The thing.
+        options: Says what there is to do, as the thing is known at that time.
+        tried: Base poses that did not do; those taken are added.
+
+    Raises:
+        MotionFailure: "no_stance", or a drive's own reason.
+    """
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        return search.find(work.scene.pose(name)[:2, 3], options(), here_first)
+
+    return (yield from close_in(work, side, work.along(name), name, find, tried))
+
+
+def close_in(
+    work: Work, side: Side, touched: Collection[str], about: str | None,
+    find: Callable[[Search, bool], Stance | None], tried: list[Array],
+) -> Generator[Array, None, tuple[Stance, Search]]:  # fmt: skip
+    """As `approach`, with `find` to search for a stance, the present one first if it is told so.
+
+    Args:
+        work: Robot and world.
+        side: The hand.
+        touched: Things that it works on.
+        about: The thing to look at; None to look at the floor ahead.
+        find: Finds a stance, or None.
+        tried: Base poses that did not do; those taken are added.
+
+    Raises:
+        MotionFailure: As `approach`.
+    """
+    trusting = False  # once the benefit of the doubt was needed it stays given, or every look finds another stance
+    for looks in range(APPROACH.looks):
+        if looks or not studied(work, about):
+            yield from study(work, about)
+        search = replace(work.search(side, touched), tried=list(tried))
+        with work.effort.sparing(0.0 if work.scene.exact else APPROACH.spared):
+            stance = None if trusting else find(search, looks > 0)
+        if stance is None and work.effort.left <= 0:
+            yield from work.motion.wait(APPROACH.pause_s)
+            stance = None if trusting else find(search, looks > 0)
+        if stance is None and not work.scene.exact:
+            with work.scene.trusting(remembering=True):  # the base goes where little is in view from here
+                underfoot = work.search(side, touched).obstacles
+            with work.scene.trusting():
+                work.effort.failed.clear()
+                search = replace(search, obstacles=work.search(side, touched).obstacles, underfoot=underfoot)
+                stance = find(search, looks > 0)
+                trusting = True
+        if stance is None:
+            raise work.no_stance()
+        tried.append(stance.base)
+        away = stance.route[-1] - work.motion.felt.base_pose
+        if work.scene.exact or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
+            break
+        if looks < APPROACH.looks - 1:
+            for base in stance.route:
+                yield from work.motion.drive(base)
+    assert stance is not None
+    return stance, search
+
+
+def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
+    """Drive around what stands before a thing, or on to where more about it is known; whether there was such a place.
+
+    What lies on the far side of a table is out of reach from the near one, what stands in a car's trunk from beside it.
+
+    Args:
+        work: Robot and world.
+        name: The thing.
+        been: Base poses (3,) from where it was out of reach; this one is added.
+
+    Raises:
+        MotionFailure: A drive's own reason.
+    """
+    way = work.search("right", ()).go_around(work.middle(name)[:2], been)
+    been.append(work.motion.felt.base_pose.copy())
+    for base in way or ():
+        yield from work.motion.drive(base)
+    return way is not None
+
+
+def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:
+    """A stance whose arm is at its first waypoint, with the waypoints of the option that is now nearest to it.
+
+    What a look from there has corrected is corrected; the stance itself if no line leads to any such option.
+    """
+    planned = matmul(work.base, work.motion.robot.tcp(work.motion.torso, work.motion.arm(side), side))
+    to_base = kin.inverse(work.base)
+    lift = stance.waypoints[-1][2, 3] - stance.waypoints[-2][2, 3]
+    alike = [o for o in options if abs(o.waypoints[-1][2, 3] - o.waypoints[-2][2, 3] - lift) < 0.005]
+    for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[: APPROACH.refined]:
+        if _apart(planned, option.waypoints[0]) > APPROACH.corrected:
+            break
+        waypoints, q = matmul(to_base, option.waypoints), work.motion.arm(side)
+        for T in waypoints:
+            line = arm_motion.trace(work.motion.robot, work.motion.torso, side, q, T)
+            if line is None:
+                break
+            q = line[-1]
+        else:
+            return replace(stance, base=work.motion.felt.base_pose.copy(), waypoints=waypoints)
+    return stance
+
+
+def take_up(work: Work, stance: Stance, search: Search) -> Actions:
+    """Go to a stance: drive, the other hand aside, the torso, the arm to the first waypoint, then straight in."""
+    for base in stance.route:
+        yield from work.motion.drive(base)
+    if search.other is not None and len(stance.aside) > 1:
+        yield from work.motion.follow(search.other, stance.aside, speed=0.8)
+    yield from work.motion.stand(stance.torso, stance.level)
+    yield from work.motion.follow(search.side, stance.path)
+    if stance.runs_up:
+        yield from work.motion.drive(stance.base, APPROACH.inward_m_s)
+
+
+def arrive(
+    work: Work, stance: Stance, search: Search, options: Callable[[], Sequence[Option]]
+) -> Generator[Array, None, Stance]:
+    """Take up a stance and, where the scene is only seen, look from the hand and correct what is left to do."""
+    yield from take_up(work, stance, search)
+    if work.scene.exact:
+        return stance
+    yield from work.see(search.side)
+    return _refined(work, search.side, stance, options())
+
+
+def lines(work: Work, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
+    """Straight lines through some of a stance's waypoints, corrected for where the base really stands."""
+    shift = matmul(kin.inverse(work.base), kin.base(stance.base))
+    for k in waypoints:
+        yield from work.motion.line(side, matmul(shift, stance.waypoints[k]), speed)
+
+
+def leave(work: Work, stance: Stance) -> Actions:
+    """Out again, the way that the base drove straight in."""
+    if stance.runs_up:
+        yield from work.motion.drive(stance.route[-1], APPROACH.inward_m_s)
+
+
+def withdraw(work: Work, side: Side, stance: Stance) -> Actions:
+    """After a failure at a stance: back to its first waypoint, then out; a hand that holds nothing is opened."""
+    if not work.gripped(side):
+        yield from work.motion.grip(side, 1.0, GRIP.clear_s)
+    with suppress(MotionFailure):
+        yield from lines(work, side, stance, [0])
+    with suppress(MotionFailure):
+        yield from leave(work, stance)
+
+
+def _apart(T: Array, other: Array) -> float:
+    """How far two hand poses (4, 4) are apart: their angle [rad], and 5 cm count as a tenth of one."""
+    turn = float(np.arccos(np.clip((np.trace(matmul(T[:3, :3].T, other[:3, :3])) - 1) / 2, -1, 1)))
+    return turn + 2 * float(norm(T[:3, 3] - other[:3, 3]))

@@ -1,0 +1,306 @@
+"""Carrying: the empty arms folded, what is held upright at the chest, and a little room made for that."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
+from itertools import islice, product
+
+import numpy as np
+
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot import arm_motion
+from mpvi_bt.ground.robot.collision import Body, Load
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.stance.postures import TOUCH_M
+from mpvi_bt.hands.stance.site import base_clear
+
+
+@dataclass(frozen=True)
+class CarryParameters:
+    """How things are carried.
+
+    Our choice: what is carried keeps from what stands around, if it can, for arms give way, and what hooks on a chair
+    is lost.
+
+    Attributes:
+        fold_clear_m: What is between the checks of a path may come that much nearer [m].
+        back_m: To back off by [m],
+        back_rad: from straight back [rad],
+        aside_rad: and where none of it is free [rad]: out of a trunk that it stands obliquely before.
+        step_m: To step back by, after a failure [m].
+        shrunk_m: A load is taken to be that much smaller than the room around it [m].
+        out_rad: Off its posture for traveling an empty arm is out [rad].
+        drawn_m: Along its fingers, off what it may have let go of a moment ago [m].
+        height_m: Of what is carried, above the floor [m].
+        clear_m: That it keeps from what stands around, the best first [m].
+        checked: Poses of the hand that are checked,
+        swung: and planned for, each at length.
+    """
+
+    fold_clear_m: float = 0.02
+    back_m: tuple[float, float] = (0.35, 0.2)
+    back_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5)
+    aside_rad: tuple[float, ...] = (0.8, -0.8, 1.1, -1.1)
+    step_m: float = 0.15
+    shrunk_m: float = 0.001
+    out_rad: float = 0.05
+    drawn_m: tuple[float, float] = (0.12, 0.06)
+    height_m: float = 0.80
+    clear_m: tuple[float, float] = (0.03, 0.0)
+    checked: int = 25
+    swung: int = 3
+
+
+_CARRY = CarryParameters()
+# Off the middle of a hand's way home, y toward its own side [m]. Our choice: straight first, then
+# around and over what is beside it.
+_DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
+# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad]. Our choice: a grid before
+# the chest, within the base's outline or close to it.
+_CARRIES = [
+    (x, y, z, yaw)
+    for x in (0.28, 0.33, 0.38, 0.43, 0.49)
+    for y in (0.02, 0.08, 0.14, 0.20, 0.28)
+    for z in (0.72, 0.80, 0.88, 0.98)
+    for yaw in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.57, -1.57, 2.2, -2.2, 3.1)
+]
+
+
+def settle(work: Work, without: Collection[str] = ()) -> Actions:
+    """Fold the empty arms and bring what is held to the chest, upright, the torso as for traveling.
+
+    A body that is too low for its arms to hang rises first. Where there is no room for it, or an arm meets what nobody
+    knows of, it is done from a little farther back; what no level way leads home for, such as out of a bin in the other
+    hand, may tip on its way if nothing is in it. With nothing held a robot that takes itself to be in something then
+    straightens up all the same, and feels what it meets.
+
+    Args:
+        work: Robot and world.
+        without: Things that the hands may be in touch with at first.
+
+    Raises:
+        MotionFailure: "no_fold" or "no_carry" if no such posture can be reached, or a motion's own reason.
+    """
+    try:
+        yield from _settle(work, without)
+    except MotionFailure:
+        yield from back_off(work)
+        yield from _swing_home(work, without)
+        yield from _settle(work, without, feeling=True)
+
+
+def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Actions:
+    held, straight = work.held(), upright(work)
+    low = not Body(work.motion.robot, work.motion.torso, work.motion.robot.travel_arm).all_free()
+    if low and (arms := _homeward(work, straight, without)) is not None:  # hanging arms would be in the base
+        yield from work.motion.stand(straight, arms)
+    for side in (s for s in work.motion.robot.sides if s not in held):
+        if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
+            # a base that has come to stand against a wall does not fold by what it takes the wall to be
+            with work.scene.trusting() if feeling else nullcontext():
+                path = _fold(work, side, without)
+            yield from work.motion.follow(side, path)
+    arms = _homeward(work, straight, without)
+    if arms is None and (held or not feeling):
+        raise MotionFailure("no_carry")
+    yield from work.motion.stand(straight, arms)
+
+
+def come_out(work: Work) -> Actions:
+    """Fold the empty arms that are out: who was told something else in the middle of a skill left them where they were.
+
+    The base would drag them through what they reach into. Where they cannot be folded they stay as they are.
+    """
+    held, home = work.held(), work.motion.robot.travel_arm
+    out = [s for s in home if s not in held and np.abs(work.motion.arm(s) - home[s]).max() > _CARRY.out_rad]
+    if not out or work.scene.between() is not None:
+        return
+    with suppress(MotionFailure):
+        for side in out:
+            if work.gripped(side):
+                yield from work.motion.grip(side, 1.0, GRIP.clear_s)
+            yield from _draw_off(work, side)
+        yield from settle(work)
+
+
+def _draw_off(work: Work, side: Side) -> Actions:
+    """Draw a hand that is close to something back along its fingers, as far as there is room for it."""
+    body = work.body()
+    if body.free(side, body.arms[side], _CARRY.fold_clear_m)[0]:
+        return
+    for by in _CARRY.drawn_m:
+        T = work.motion.hand(side)
+        T[:3, 3] -= by * T[:3, 2]
+        line = arm_motion.trace(body.robot, body.torso, side, body.arms[side], T)
+        if line is not None and body.free(side, np.stack(line), -TOUCH_M, grasping=True).all():
+            yield from work.motion.line(side, T)
+            return
+
+
+def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
+    """A path home for an empty arm, well clear of the things `without` too if it can be: they stand loose."""
+    now, home = work.motion.arm(side), work.motion.robot.travel_arm[side]
+    for spared, margin in (((), _CARRY.fold_clear_m), ((), 0.0), (without, 0.0)):
+        path = arm_motion.plan(work.body(spared), side, home, work.rng, margin, start=now)
+        if path is not None:
+            return path
+    raise MotionFailure("no_fold")
+
+
+def upright(work: Work) -> Array:
+    """(4,) the torso as for traveling, but for the head's tilt."""
+    robot = work.motion.robot
+    posture = robot.trunk.posture(robot.travel_torso)
+    return robot.trunk.joints(np.append(posture[:3], work.motion.posture[3]))
+
+
+def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, list[Array]] | None:
+    """Postures of the arms that hold something, while the torso goes to its travel posture.
+
+    What can stay where it is stays; of two things held the one in the lower hand, just picked up, moves first.
+    """
+    body = work.body(without)
+    hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held}
+    if (found := arm_motion.sweep(body, torso, hands)) is not None:
+        return found
+    sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
+    for margin, side in product(_CARRY.clear_m, sides):
+        now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso)
+        for T in _carries(work, side, body):
+            q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), side, work.motion.arm(side))
+            if q is None or not home.free(side, q, margin)[0]:
+                continue
+            for detour in _DETOURS:
+                path = arm_motion.glide(now, T, detour * [1, SIGN[side], 1])
+                found = arm_motion.sweep(body, torso, {**hands, side: path})
+                if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
+                    return found
+            checked += 1
+            if checked >= _CARRY.checked:
+                break
+    return None
+
+
+def _swing_home(work: Work, without: Collection[str]) -> Actions:
+    """Bring things that no level way leads home for to where they can be carried by any way, unless they are filled.
+
+    There they hang level once the torso has straightened up, which it then does.
+    """
+    straight = upright(work)
+    for side, held in work.held().items():
+        if _homeward(work, straight, without) is not None:
+            return
+        if held.laden:
+            continue
+        body = work.body(without)
+        home = [matmul(kin.inverse(body.robot.chest(straight)), T) for T in _carries(work, side, body)]
+        ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
+        free = (q for q in ends if q is not None and body.free(side, q)[0])
+        free = (q for q in free if _straightens(work, body, side, q) is not None)
+        paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _CARRY.swung))
+        if (path := next((path for path in paths if path is not None), None)) is not None:
+            yield from work.motion.follow(side, path)
+            arms = _straightens(work, work.body(without), side, work.motion.arm(side))
+            yield from work.motion.stand(straight, arms or {})
+
+
+def _straightens(work: Work, body: Body, side: Side, q: Array) -> dict[Side, list[Array]] | None:
+    """Postures of what the other hand holds while the torso straightens up with arm `side` in posture `q` (7,)."""
+    hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
+    return arm_motion.sweep(replace(body, arms={**body.arms, side: q}), upright(work), hands)
+
+
+def tuck(work: Work) -> Actions:
+    """Bring what is held closer to the body, for driving."""
+    body = work.body()
+    for side in body.held:
+        arms = {s: work.motion.arm(s) for s in work.motion.robot.sides}
+        now, checked = work.motion.hand(side), 0
+        body = replace(body, arms=arms)
+        for T in _carries(work, side, body):
+            if norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CARRY.checked:
+                break  # as good as home
+            T_chest_tcp = matmul(kin.inverse(body.robot.chest(work.motion.torso)), T)
+            q = body.robot.nearest_posture(T_chest_tcp, side, arms[side])
+            if q is None or not body.free(side, q, _CARRY.clear_m[0])[0]:
+                continue
+            path = arm_motion.plan_level(body, side, T)
+            if path is not None and body.free(side, path[-1], _CARRY.clear_m[0])[0]:  # with its elbow elsewhere
+                yield from work.motion.follow(side, path, speed=1.0)
+                break
+            checked += 1
+
+
+def draw_in(work: Work) -> Actions:
+    """Bring what one hand holds to where it is carried: who was told something else meanwhile holds it far out.
+
+    From there the torso could not be lowered before furniture. Two hands that are full may be at work on one another.
+    """
+    yield from unwedge(work)
+    if len(work.held()) == 1:
+        with suppress(MotionFailure):
+            yield from tuck(work)
+
+
+def unwedge(work: Work) -> Actions:
+    """Where what is held hangs so near the body that the torso could not move, bring it to the chest."""
+    body = work.body()
+    hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held}
+    if arm_motion.sweep(body, work.motion.torso, hands, samples=1) is None:
+        with suppress(MotionFailure):
+            yield from settle(work)
+
+
+def back_off(work: Work) -> Actions:
+    """A little back as it stands, straight or obliquely where something is in the way of what is held.
+
+    Where that is not free it goes less far; where it cannot move at all, nowhere.
+    """
+    here, body, near = work.motion.felt.base_pose, work.body(), work.near()
+    body = replace(body, held={side: _as_it_hangs(work, side, body) for side in body.held})
+    for by, turn in (*product(_CARRY.back_m, _CARRY.back_rad), *product(_CARRY.back_m, _CARRY.aside_rad)):
+        back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
+        around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
+        if all(base_clear(work.motion.robot, a) and _passes(replace(body, around=a)) for a in around):
+            yield from work.motion.drive(here + back)
+            return
+
+
+def step_back(work: Work) -> Actions:
+    """A small step straight back, if the base is clear of everything there: against a wall it would be stuck."""
+    here = work.motion.felt.base_pose
+    step = -_CARRY.step_m * np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+    if all(base_clear(work.motion.robot, work.near().seen_from(kin.base(here + share * step))) for share in (0.5, 1.0)):
+        yield from work.motion.drive(here + step)
+
+
+def _passes(body: Body) -> bool:
+    """Whether a body is free, hands that hold something as near to things as they may be where they take them."""
+    return body.trunk_free() and all(
+        bool(body.free(s, q, -TOUCH_M if s in body.held else 0.0, grasping=s in body.held)[0])
+        for s, q in body.arms.items()
+    )
+
+
+def _as_it_hangs(work: Work, side: Side, body: Body) -> Load:
+    """What a hand holds, no larger than the room where it is now: a little above a board its spheres reach into it."""
+    T, load = work.motion.hand(side), body.held[side]
+    return load.within(body.around.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - _CARRY.shrunk_m)
+
+
+def _carries(work: Work, side: Side, body: Body) -> list[Array]:
+    """T_base_tcp (4, 4) to carry what `side` holds, tilted as now, the most compact first."""
+    now, load = work.motion.hand(side), body.held[side]
+    ranked = []
+    for x, y, z, yaw in _CARRIES:
+        T = kin.transform(matmul(kin.rot_z(yaw * SIGN[side]), now[:3, :3]), (x, y * SIGN[side], z))
+        reach = np.hypot(*(matmul(load.centers, T[:2, :3].T) + T[:2, 3]).T) + load.radii
+        ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY.height_m), T))
+    return [T for _, T in sorted(ranked, key=lambda r: r[0])]

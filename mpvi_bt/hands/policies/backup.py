@@ -1,0 +1,153 @@
+"""A policy with another one behind it, which does what the first one has no skill for."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.skills import Skill
+from mpvi_bt.ground.action_chunk import ask
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import NO_SKILL, Policy
+from mpvi_bt.ground.robot.action_rows import ActionKind
+from mpvi_bt.ground.robot.motion import Motion
+
+
+class WithBackup:
+    """`mpvi_bt.ground.protocols.Policy` of two.
+
+    The first one is told the whole prompt. Where it says `NO_SKILL`, it is told one clause after the other, and the
+    second one those that it has no skill for; the next clause comes once the one at work has `ended`. Where the first
+    one is to use some of its skills only, it is not asked about the others.
+
+    Attributes:
+        name: Both names, joined by "+".
+        prompts: How many prompts or clauses each of them was given and did not refuse, by name; those that are begun
+            anew after a handoff count again.
+        steps: How many actions each of them gave.
+    """
+
+    def __init__(
+        self, first: Policy, second: Policy, skills: Mapping[str, Skill], only: Collection[str] | None = None
+    ) -> None:
+        """Take the two, which do not have the same name.
+
+        Args:
+            first, second: The policies.
+            skills: By name; they tell clauses apart.
+            only: Names of those that the first one is to use; None: all that it has.
+        """
+        self._first, self._second, self._skills, self._only = first, second, skills, only
+        self.name = f"{first.name}+{second.name}"
+        self.prompts: Counter[str] = Counter()
+        self.steps: Counter[str] = Counter()
+        self.reset()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Of the one at work."""
+        return self._at.cameras
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Of the one at work; None if it does not say."""
+        return getattr(self._at, "rate_hz", None)
+
+    @property
+    def rate_from(self) -> str:
+        """Of the one at work."""
+        return getattr(self._at, "rate_from", "")
+
+    @property
+    def actions(self) -> ActionKind:
+        """Of the one at work."""
+        return getattr(self._at, "actions", "absolute")
+
+    @property
+    def note(self) -> str:
+        """Of the one at work, after its name."""
+        return f"{self._at.name}: {getattr(self._at, 'note', '')}"
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether the one at work has: what comes after it is not begun."""
+        return getattr(self._at, "gave_up", False)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last one has come to the end of its prompt, if it can say so."""
+        return self.gave_up or (not self._left and self._done)
+
+    @property
+    def progress(self) -> float | None:
+        """Of the one at work, where it was told the whole prompt; else None, as where it does not say."""
+        return getattr(self._at, "progress", None) if self._told == self._prompt else None
+
+    @property
+    def planning_s(self) -> float:
+        """Wall time that both spent on planning, as far as they tell."""
+        return sum(getattr(policy, "planning_s", 0.0) for policy in (self._first, self._second))
+
+    @property
+    def _done(self) -> bool:
+        """Whether the one at work thinks that it has done what it was told."""
+        return getattr(self._at, "ended", False) and not getattr(self._at, "gave_up", False)
+
+    def reset(self) -> None:
+        """Have both forget everything; the first one is asked next."""
+        self._first.reset()
+        self._second.reset()
+        self._at: Policy = self._first
+        self._prompt, self._told, self._left = "", "", list[str]()
+
+    def close(self) -> None:
+        """Close both."""
+        for policy in (self._first, self._second):
+            getattr(policy, "close", lambda: None)()
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """(H, 23). Raises PolicyError if the one at work gives no chunk."""
+        if observation["prompt"] != self._prompt:
+            self.reset()
+            self._prompt = str(observation["prompt"])
+            self._tell(self._first, self._prompt)
+        elif self._left and self._done:
+            self._tell(self._first, self._left.pop(0))
+        if barred := self._barred():
+            chunk = Motion(observation["proprioception"]).still()[None]
+        else:
+            chunk = ask(self._at, {**observation, "prompt": self._told})
+        if barred or self._refused():
+            self._pass_on()
+            chunk = chunk[:1]  # the cameras of the next one at work come with the next observation
+        self.steps[self._at.name] += len(chunk)
+        return chunk
+
+    def _tell(self, policy: Policy, prompt: str) -> None:
+        policy.reset()
+        self._at, self._told = policy, prompt
+        self.prompts[policy.name] += 1
+
+    def _barred(self) -> bool:
+        """Whether the first one is at work and not to use a skill that it was told to."""
+        if self._only is None or self._at is not self._first:
+            return False
+        calls = [match(clause, self._skills) for clause in clauses(self._told, self._skills)]
+        return any(call is None or call.skill.name not in self._only for call in calls)
+
+    def _refused(self) -> bool:
+        """Whether the first one is at work and says that it has no skill for what it was told."""
+        note = str(getattr(self._first, "note", ""))
+        return self._at is self._first and getattr(self._first, "gave_up", False) and note.startswith(NO_SKILL)
+
+    def _pass_on(self) -> None:
+        """Give what was refused to the second one; of several clauses the first one is told one by one."""
+        self.prompts[self._first.name] -= 1
+        parts = clauses(self._told, self._skills)
+        if len(parts) > 1:
+            self._left = parts[1:]
+            self._tell(self._first, parts[0])
+        else:
+            self._tell(self._second, self._told)

@@ -1,0 +1,152 @@
+"""Looking for things: around from where the robot stands, then from elsewhere, then wherever there is room to go."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import norm
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.collision import Obstacles
+from mpvi_bt.ground.robot.motion import Actions, MotionFailure
+from mpvi_bt.hands.motion.both_hands import look_over
+from mpvi_bt.hands.motion.gaze import look_down
+from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.stance.site import base_clear
+
+
+@dataclass(frozen=True)
+class LookingAround:
+    """Where the robot looks, and goes to, while it looks for something.
+
+    Our choice: what it is to work on is ahead, mostly.
+
+    Attributes:
+        looks: Lift [m] and tilt of the head [rad], of a body that holds nothing: down, near, ahead, and from low down
+            and high up into compartments.
+        turns: Turns of the base from where it came [rad], each with how many of the looks are taken there.
+        elsewhere: How many of the looks are taken at each place that it strolls to,
+        again: and at another side of a place that it has looked at before.
+        before_m: Distance of the robot from what it is to work on, as navigation hands over [m].
+        around_rad: Other bearings that this place is looked at from [rad].
+        farther_m: Distances to look at it from, where nothing nearer can be reached [m].
+        strolls: Places at random that it goes to after that,
+        stroll_m: nearest and farthest from where it stands [m].
+        step_m: Distance between two checks of the way [m].
+    """
+
+    looks: tuple[tuple[float, float], ...] = (
+        (0.42, 0.55),
+        (0.42, 0.95),
+        (0.42, 0.10),
+        (0.05, 0.40),
+        (0.05, -0.10),
+        (0.55, -0.30),
+    )
+    turns: tuple[tuple[float, int], ...] = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
+    elsewhere: int = 4
+    again: int = 3
+    before_m: float = 0.9
+    around_rad: tuple[float, ...] = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)
+    farther_m: tuple[float, ...] = (1.3, 1.8)
+    strolls: int = 40
+    stroll_m: tuple[float, float] = (0.5, 1.5)
+    step_m: float = 0.15
+
+
+_LOOK = LookingAround()
+Found = Callable[[], bool]
+
+
+def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Generator[Array, None, bool]:
+    """Look until `found` says so.
+
+    It looks around from where it stands, then from other sides of the place before it, as far as the way there is seen
+    to be free, then strolls about at random. It keeps no map: what was looked at once may be looked at again.
+
+    Args:
+        work: Robot and scene.
+        found: Asked after every picture.
+        passable: Says what is known to be in the way of the base.
+
+    Returns:
+        Whether it was found before there was nowhere else to go.
+    """
+    yield from look_over(work)
+    start = work.motion.felt.base_pose.copy()
+    for turn, looks in _LOOK.turns:
+        if turn:
+            with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
+                yield from work.motion.drive(start + [0, 0, turn])
+        if (yield from _look(work, found, looks)):
+            return True
+    place = start[:2] + _LOOK.before_m * np.array([np.cos(start[2]), np.sin(start[2])])
+    for goal in chain(_views(place, float(start[2]), _LOOK.before_m), _strolls(work)):
+        if not _free(work, goal, passable()):
+            continue
+        with contextlib.suppress(MotionFailure):
+            yield from work.motion.drive(goal)
+        if (yield from _look(work, found, _LOOK.elsewhere)):
+            return True
+    return False
+
+
+def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacles]) -> Actions:
+    """Go to look at a place (2,) from the first other side to which the way is seen to be free; stay where none is.
+
+    What stands out from the place, such as its door, may be in the way near it: then it looks from farther off.
+    """
+    here = work.motion.felt.base_pose
+    bearing = float(np.arctan2(place[1] - here[1], place[0] - here[0]))
+    around = passable()
+    for goal in chain(*(_views(place, bearing, far) for far in (_LOOK.before_m, *_LOOK.farther_m))):
+        if _free(work, goal, around):
+            with contextlib.suppress(MotionFailure):
+                yield from work.motion.drive(goal)
+            yield from _look(work, lambda: False, _LOOK.again)
+            return
+
+
+def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
+    held = bool(work.in_hands())
+    for lift, tilt in _LOOK.looks[:looks]:
+        robot = work.motion.robot
+        torso = robot.trunk.joints(np.array([lift, 0.0, 0.0, tilt]))
+        if held:
+            torso = work.motion.bent(tilt=float(np.clip(tilt - work.motion.posture[2], *robot.trunk.limits[3])))
+        with contextlib.suppress(MotionFailure):  # a picture from where it got to shows something, too
+            yield from work.motion.stand(torso)
+            if not robot.nods:
+                yield from look_down(work, tilt)
+        yield from work.see("head")
+        if found():
+            return True
+    return False
+
+
+def _views(place: Array, bearing: float, far_m: float) -> Iterator[Array]:
+    """Base poses (3,) that look at a place (2,) from other sides than the one with this bearing [rad] to it."""
+    for turn in _LOOK.around_rad:
+        heading = float(kin.wrap(bearing + turn))
+        yield np.append(place - far_m * np.array([np.cos(heading), np.sin(heading)]), heading)
+
+
+def _strolls(work: Work) -> Iterator[Array]:
+    """Base poses (3,) somewhere about the robot, each drawn when the one before has been gone to or found blocked."""
+    for _ in range(_LOOK.strolls):
+        here = work.motion.felt.base_pose
+        heading, far = here[2] + work.rng.uniform(-np.pi, np.pi), work.rng.uniform(*_LOOK.stroll_m)
+        yield np.array([here[0] + far * np.cos(heading), here[1] + far * np.sin(heading), kin.wrap(heading)])
+
+
+def _free(work: Work, goal: Array, around: Obstacles) -> bool:
+    here, around = work.motion.felt.base_pose, work.with_bumps(around)
+    way = goal[:2] - here[:2]
+    count = max(2, int(np.ceil(norm(way) / _LOOK.step_m)))
+    poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]
+    return all(base_clear(work.motion.robot, around.seen_from(kin.base(pose))) for pose in poses)

@@ -1,0 +1,147 @@
+"""Cutting: the blade of a held tool comes down on a thing, which falls into halves, and the halves into dice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.solids import Array, bounds
+from mpvi_bt.ground.robot.motion import Actions, MotionFailure
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.approach import FEEL, close_in, leave, lines, take_up, withdraw
+from mpvi_bt.hands.motion.carry import settle
+from mpvi_bt.hands.motion.gaze import study
+from mpvi_bt.hands.motion.work import Words, Work
+from mpvi_bt.hands.skills.pour import TURNS_RAD, righted
+from mpvi_bt.hands.skills.wipe import OVER_M, tool_hand
+from mpvi_bt.hands.stance.stance import Option, Stance
+from mpvi_bt.hands.stance.stance_search import Search
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """How a blade comes down on a thing.
+
+    Our choice.
+
+    Attributes:
+        into_m: How far below the top of the thing the blade's target is [m]: the arm's give turns that into force.
+        beside_m: Things this near to what is cut, such as the board under it, may be touched [m].
+        again_s: Time between two cuts [s]: OmniGibson's slicers are active again 2.0 s after a contact.
+        pieces: Pieces that one thing is cut into by one call, at the most.
+        turn_cost: Cost of each radian that the tool is turned about the vertical.
+    """
+
+    into_m: float = 0.015
+    beside_m: float = 0.05
+    again_s: float = 2.2
+    pieces: int = 8
+    turn_cost: float = 0.05
+
+
+_CUT = Cutting()
+_WHICH = re.compile(r"^(?:(?:the|an?|last|other|another|both) )+")
+
+
+def cut(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Cut what `words["object"]` names in two with a held tool, `words["tool"]` if that is said.
+
+    Raises:
+        MotionFailure: "not_held", "unknown_object", "no_stance", "dropped", "not_cut", or a motion's own reason.
+    """
+    side, name = tool_hand(work, words), work.nearest(words.get("object", ""), words.get("surface"))
+    yield from _press(work, side, name, tried)
+    yield from settle(work, without={name})
+
+
+def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """As `cut`, and each half again as soon as the blade cuts anew; only the halves, where nothing whole is left.
+
+    Raises:
+        MotionFailure: As `cut`; "not_cut" once all else is.
+    """
+    side, phrase = tool_hand(work, words), words.get("object", "")
+    halves = _halves(work, phrase)
+    if not halves or work.scene.knowledge().find(phrase):
+        halves = [work.nearest(phrase, words.get("surface"))]
+    left, missed, tended = halves, None, set[str]()
+    while left and len(tended) < _CUT.pieces:
+        piece = left[0]
+        tended.add(piece)
+        try:
+            yield from _press(work, side, piece, tried)
+        except MotionFailure as failure:
+            if failure.reason != "not_cut":
+                raise
+            missed = failure
+        left = [half for half in _halves(work, phrase) if half not in tended]
+        yield from work.motion.wait(_CUT.again_s if left else 0.0)
+    yield from settle(work, without=tended)
+    if missed is not None:
+        raise missed
+
+
+def _halves(work: Work, phrase: str) -> list[str]:
+    """What there is of halves of what a phrase names."""
+    return [entry.name for entry in work.scene.knowledge().find(f"half {_WHICH.sub('', phrase)}")]
+
+
+def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
+    """Bring the blade down on a thing. Raises MotionFailure "not_cut" if it is known to be whole still."""
+    beside = _beside(work, name)
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        return search.find(work.middle(name)[:2], list(_options(work, work.load(side), name)), here_first)
+
+    search = work.search(side, beside)
+    stance = find(search, True)
+    if stance is None:
+        stance, search = yield from close_in(work, side, beside, name, find, tried)
+    try:
+        yield from take_up(work, stance, search)
+        T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
+        yield from work.motion.line(side, T, FEEL.speed_m_s, until_contact=True)
+    except MotionFailure:
+        yield from withdraw(work, side, stance)
+        raise
+    yield from lines(work, side, stance, [0])
+    yield from leave(work, stance)
+    if not work.gripped(side):
+        raise MotionFailure("dropped")
+    yield from study(work, name)
+    if work.scene.exact and name in {entry.name for entry in work.scene.knowledge()}:
+        raise MotionFailure("not_cut")
+
+
+def _options(work: Work, held: Held, name: str) -> Iterator[Option]:
+    """Ways of the hand: the tool level, its far end over the middle of a thing, and down onto it."""
+    low, high = bounds(work.scene.solids(name))
+    T_now = work.scene.pose(held.name)
+    up = int(np.abs(T_now[2, :3]).argmax())
+    R_now = righted(T_now, T_now[:3, up] * np.sign(T_now[2, up]))[:3, :3]
+    to_tcp = kin.inverse(held.T_tcp_thing)
+    blade = max(held.solids, key=lambda s: float(norm(s.T[:3, 3]))).moved(kin.inverse(held.T_tcp_thing))
+    for turn in TURNS_RAD:
+        R = matmul(kin.rot_z(turn), R_now)
+        edge_low, edge_high = blade.moved(kin.transform(R, np.zeros(3))).aabb()
+        edge = np.array([*(edge_low + edge_high)[:2] / 2, edge_low[2]])
+        poses = [
+            matmul(kin.transform(R, np.array([*(low + high)[:2] / 2, high[2] + over]) - edge), to_tcp)
+            for over in (OVER_M, -_CUT.into_m)
+        ]
+        yield Option(np.stack(poses), 1, _CUT.turn_cost * abs(float(kin.wrap(turn))))
+
+
+def _beside(work: Work, name: str) -> Collection[str]:
+    """A thing, and the movable ones about it."""
+    low, high = bounds(work.scene.solids(name))
+    near = (e for e in work.scene.knowledge() if e.kind == "object" and not e.held)
+    return {name} | {
+        e.name for e in near if (e.lowest < high + _CUT.beside_m).all() and (low - _CUT.beside_m < e.highest).all()
+    }

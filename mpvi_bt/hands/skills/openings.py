@@ -1,0 +1,262 @@
+"""Which door, drawer or lid of which thing a phrase means, and where to stand and look to see it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.finding.shapes.moving_parts import Door, lid, moved, outward, panel
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.solids import Array, bounds
+from mpvi_bt.ground.robot.motion import Actions, MotionFailure
+from mpvi_bt.hands.motion.gaze import study
+from mpvi_bt.hands.motion.work import Work
+
+_PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
+_RANKS = {  # of doors, from the top
+    "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4,
+    "1": 0, "2": 1, "3": 2, "4": 3, "5": 4, "one": 0, "two": 1, "three": 2, "four": 3, "five": 4,
+}  # fmt: skip
+_PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
+
+FACING_RAD = 0.15  # our choice: what is less far off straight ahead is faced; a small part of what the camera sees
+
+
+@dataclass(frozen=True)
+class DoorViews:
+    """Where doors are looked at from, and which of them are the same.
+
+    Our choice, by kitchen furniture.
+
+    Attributes:
+        looks: Looks at the whole front, with a turn between them: the first shows where its middle is.
+        beside_rad: Turn from facing a door that shows what is beside the base on the hinge's side [rad],
+        down_rad: and tilt of the head for it [rad].
+        aside_rad: Bearings off the present one from which the outside of an open door may be seen [rad],
+        aside_m: from no nearer than this [m].
+        before_m: Distance to stand before a face [m].
+        stage_rad: Angle between two looks on the way around a thing [rad].
+        same_m: Largest distance between the middles of one door that is seen twice [m],
+        same: and largest difference of its opening [ratio of its limit].
+        ajar: Opening from which one sees what is inside [ratio of its limit].
+    """
+
+    looks: int = 2
+    beside_rad: float = 1.5
+    down_rad: float = 0.5
+    aside_rad: tuple[float, ...] = (0.7, -0.7, 1.2, -1.2)
+    aside_m: float = 1.2
+    before_m: float = 1.1
+    stage_rad: float = 0.6
+    same_m: float = 0.15
+    same: float = 0.2
+    ajar: float = 0.5
+
+
+_VIEWS = DoorViews()
+
+
+def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[str]]:
+    """The thing that a phrase names, and the words that tell its doors apart.
+
+    Args:
+        work: Robot and world.
+        phrase: Such as "cabinet", "top drawer of the chest of drawers", "left cabinet door".
+        ajar: As of `Work.nearest`.
+
+    Raises:
+        MotionFailure: "unknown_object" if nothing is called so.
+    """
+    words = _plain(phrase)
+    found = work.scene.knowledge().find
+    place = "|".join(_PLACES)
+    forms = (
+        rf"(?P<places>(?:(?:{place})\s+)*)(?:(?:{_PARTS})\s+)?(?P<rank>(?:number\s+)?(?:{place})\s+)?"
+        r"(?:of|on|in|to)\s+(?:the\s+)?(?P<thing>.+)",
+        rf"(?P<places>(?:(?:{place})\s+)*)(?P<thing>.+?)(?:\s+(?:{_PARTS}))(?P<rank>\s+(?:number\s+)?(?:{place}))?",
+        rf"(?P<places>(?:(?:{place})\s+)+)(?P<thing>.+)(?P<rank>)",
+    )
+    for form in forms:
+        match = re.fullmatch(form, words)
+        if match and (found(match["thing"]) or found(words)):
+            said = [w for w in f"{match['places']} {match['rank'] or ''}".split() if w != "number"]
+            # What only cameras know is called as it was asked for, place and all.
+            return work.nearest(match["thing"] if found(match["thing"]) else words, ajar=ajar), said
+    return work.nearest(words, ajar=ajar), []
+
+
+def doors_meant(work: Work, thing: str, places: Sequence[str]) -> list[Door]:
+    """The doors of a thing that words of place tell apart: one, or all from the top.
+
+    Raises:
+        MotionFailure: "no_door" if it has nothing that opens.
+    """
+    doors = list(work.scene.doors(thing))
+    if not doors:
+        raise MotionFailure("no_door")
+    return _ranked(doors, places)
+
+
+def _plain(phrase: str) -> str:
+    """Lower case words split by single spaces, without an article; ranks, which tell doors apart, are kept."""
+    return re.sub(r"^(?:the|an?)\s+", "", " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split()))
+
+
+def look_over(work: Work, thing: str) -> Actions:
+    """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
+    if work.scene.exact:
+        return
+    for looks in range(_VIEWS.looks):
+        middle = work.middle(thing)[:2]
+        x, y, yaw = work.motion.felt.base_pose
+        bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
+        if abs(kin.wrap(bearing - yaw)) > FACING_RAD:
+            yield from work.motion.drive(np.array([x, y, bearing]))
+        elif looks:
+            return
+        yield from study(work, thing)
+
+
+def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
+    """Look at a thing from another side; returns whether there is a way to one. The truth needs no look."""
+    if work.scene.exact:
+        return False
+    x, y, _ = work.motion.felt.base_pose
+    middle = work.middle(thing)[:2]
+    bearing = float(np.arctan2(y - middle[1], x - middle[0]))
+    for turn in _VIEWS.aside_rad:
+        if (yield from _go_where(work, thing, middle, bearing + turn)):
+            yield from look_over(work, thing)
+            return True
+    return False
+
+
+def seen_twice(work: Work, thing: str, doors: Sequence[Door]) -> Generator[Array, None, bool]:
+    """Look at doors from another side, for from one alone an open door may look closed and a closed one open.
+
+    Returns:
+        Whether they stand there as they did. The truth needs no second look, nor is there one without a way.
+    """
+    if not (yield from look_from_aside(work, thing)):
+        return True
+    now = work.scene.doors(thing)
+    return all(any(stands_as(door, other) for other in now) for door in doors)
+
+
+def look_beside(work: Work, door: Door) -> Actions:
+    """Look past the hinge of a door: an upright one leads the base there, and what is there was not in view so far."""
+    x, y, _ = work.motion.felt.base_pose
+    shut, face = moved(door, -door.position), panel(door)
+    out = matmul(shut[:3, :3], outward(door))
+    toward_hinge = door.origin - matmul(shut[:3, :3], face.T[:3, 3]) - shut[:3, 3]
+    left = float(np.sign(np.cross(toward_hinge, out)[2]))
+    with suppress(MotionFailure):  # a base that cannot turn there has its picture all the same
+        yield from work.motion.drive(np.array([x, y, np.arctan2(-out[1], -out[0]) + left * _VIEWS.beside_rad]))
+    yield from work.motion.stand(work.motion.bent(tilt=_VIEWS.down_rad))
+    yield from work.see("head")
+
+
+def stands_as(a: Door, b: Door) -> bool:
+    """Whether two doors, seen one after the other, are the same and as far open."""
+    apart = float(norm(panel(a).T[:3, 3] - panel(b).T[:3, 3]))
+    return apart < _VIEWS.same_m and abs(a.position / a.limit - b.position / b.limit) < _VIEWS.same
+
+
+def stand_before(
+    work: Work, thing: str, face: Array, out: Array, door: Door | None = None
+) -> Generator[Array, None, bool]:
+    """Walk around a thing, as far as the way is free, to before a place (3,) on a face of it that looks `out` (3,).
+
+    No farther, if that is the face of a `door`, once a look on the way shows that to stand otherwise. Returns whether
+    the way was free so far.
+    """
+    middle = work.middle(thing)[:2]
+    x, y, _ = work.motion.felt.base_pose
+    goal = (face + _VIEWS.before_m * out)[:2] - middle
+    bearing = float(np.arctan2(y - middle[1], x - middle[0]))
+    left = float(kin.wrap(np.arctan2(goal[1], goal[0]) - bearing))
+    stages = int(np.ceil(abs(left) / _VIEWS.stage_rad))
+    for k in range(1, stages + 1):
+        if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
+            return False
+        yield from work.see("head")
+        if door is not None and _otherwise(work, thing, door):
+            yield from look_over(work, thing)  # one picture may err
+            if _otherwise(work, thing, door):
+                break
+    return True
+
+
+def stand_before_open(work: Work, thing: str) -> Actions:
+    """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
+    hinged = [door for door in work.scene.doors(thing) if door.kind == "hinge" and not lid(door)]
+    ajar = [door for door in hinged if door.position > _VIEWS.ajar * door.limit]
+    if ajar and not work.scene.exact:
+        yield from stand_before_front(work, thing, ajar[0])
+        yield from look_over(work, thing)
+
+
+def stand_before_front(work: Work, thing: str, door: Door) -> Actions:
+    """Walk around a thing, as far as the way is free, to before where a door of it is when it is closed."""
+    shut = moved(door, -door.position)
+    face = matmul(shut[:3, :3], panel(door).T[:3, 3]) + shut[:3, 3]
+    yield from stand_before(work, thing, face, matmul(shut[:3, :3], outward(door)))
+
+
+def _otherwise(work: Work, thing: str, door: Door) -> bool:
+    now = work.scene.doors(thing)
+    return bool(now) and not any(stands_as(door, other) for other in now)
+
+
+def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
+    """Go around a place (2,) to a bearing and face it; returns whether a way there is seen, and found, to be free."""
+    here = work.motion.felt.base_pose.copy()
+    far = max(_VIEWS.aside_m, float(norm(here[:2] - middle)))
+    goal = np.append(middle + far * np.array([np.cos(bearing), np.sin(bearing)]), float(kin.wrap(bearing + np.pi)))
+    with work.scene.trusting(remembering=True):
+        route = work.search("right", {thing}).route(here, goal)
+    try:
+        for base in route or ():
+            yield from work.motion.drive(base)
+    except MotionFailure:  # a wall that no picture showed
+        return False
+    return route is not None
+
+
+def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:
+    """The doors that match the words, the best first; all of them, from the top, if there are no words."""
+    at = {id(d): _middle(d) for d in doors}
+    barred = [d for d in doors if d.bar is not None]
+    facing = np.array([1.0, 0.0, 0.0])
+    if barred and barred[0].bar is not None:
+        facing = matmul(moved(barred[0], -barred[0].position)[:3, :3], barred[0].bar.outward)
+    rightward = np.cross([0.0, 0.0, 1.0], facing)  # of someone who stands before it
+    left = sorted(doors, key=lambda d: float(matmul(at[id(d)], rightward)))
+    high = sorted(doors, key=lambda d: (-round(float(at[id(d)][2]), 2), float(matmul(at[id(d)], rightward))))
+    for word in places:
+        if word in ("top", "upper", "uppermost", "highest"):
+            return [high[0]]
+        if word in ("bottom", "lower", "lowest"):
+            return [high[-1]]
+        if word == "middle":
+            return [high[len(high) // 2]]
+        if word == "left":
+            return [left[0]]
+        if word == "right":
+            return [left[-1]]
+        if word in _RANKS and _RANKS[word] < len(doors):
+            return [high[_RANKS[word]]]
+    return high
+
+
+def _middle(door: Door) -> Array:
+    """(3,) where it is when it is closed."""
+    shut = moved(door, -door.position)
+    if door.bar is not None:
+        return np.asarray(matmul(shut[:3, :3], door.bar.center) + shut[:3, 3], float)
+    return np.asarray(bounds(s.moved(shut) for s in door.solids).mean(0))

@@ -1,0 +1,1 @@
+"""Houses: rooms, fixtures and places to put things, from YAML; no simulator."""

@@ -1,0 +1,1 @@
+"""Simulator truth as a scene, and the expert that works on it."""

@@ -1,5 +1,0 @@
-"""The tasks as ManiSkill's environment `MpviHouse-v1`, which importing this registers."""
-
-from mpvi_bt.maniskill.env import MpviHouseEnv
-
-__all__ = ["MpviHouseEnv"]

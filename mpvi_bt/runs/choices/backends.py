@@ -1,0 +1,267 @@
+"""The backends that a run can choose, by kind and name. Light, so that the command line can list them at once.
+
+A backend is chosen as `name`, as `name:address` where it has an address, or as a name or import path of another package
+(`runs/choices/plugins.py`). `choose` reads that once; the `Choice` it gives is what is asked and made from then on.
+`privileged` backends read simulator truth: every result names those that a run used.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.runs.choices.plugins import OFFERED, PluginPart, asked_for, entry_points, find
+
+
+@dataclass(frozen=True)
+class Backend:
+    """One choice.
+
+    Attributes:
+        about: One line for a person.
+        privileged: Whether it reads simulator truth.
+        address: What its address looks like; "" if it has none.
+        optional: Whether it may be chosen without its address.
+        sees: Whether it looks through the robot's cameras.
+        errs: Whether its address says how often it is to err.
+        factory: "module:function" that makes it, called with those of the things on offer that it names as parameters;
+            "" where a choice needs more than a call.
+    """
+
+    about: str
+    privileged: bool = False
+    address: str = ""
+    optional: bool = False
+    sees: bool = False
+    errs: bool = False
+    factory: str = ""
+
+    def spelled(self, name: str) -> str:
+        """How one chooses it: "expert", "openpi:ws://HOST:PORT", "grounding_dino[:MODEL]"."""
+        if not self.address:
+            return name
+        return f"{name}[:{self.address}]" if self.optional else f"{name}:{self.address}"
+
+
+_SKILLS = re.compile(r"(?P<policy>.+)\[(?P<skills>[\w, ]*)\]", re.DOTALL)  # an address in brackets has colons
+NOBODY = "none"  # plans: the policy is told the whole instruction
+
+BACKENDS: Mapping[str, Mapping[str, Backend]] = {
+    "planner": {
+        "recorded": Backend("the plan on file for the task"),
+        "openai": Backend("a language model behind an OpenAI-compatible endpoint", address="MODEL[@URL]"),
+        "local": Backend(
+            "a language model on this machine, without key or download: SmolLM2 of 135M, which plans badly, or a file",
+            address="FILE.gguf",
+            optional=True,
+        ),
+        NOBODY: Backend("the policy is told the whole instruction, and has the whole time"),
+    },
+    "map": {
+        "prior": Backend("occupancy, rooms and fixtures, derived from the house before the episode"),
+        "online": Backend("nothing at first; occupancy is built from depth on the way"),
+    },
+    "detector": {
+        "segmentation": Backend(
+            "what the camera's label image shows; it errs as its address says",
+            address="miss=0.1",
+            optional=True,
+            sees=True,
+            factory="mpvi_bt.runs.choices.detectors:segmentation",
+        ),
+        "grounding_dino": Backend(
+            "Grounding DINO, by transformers, on the camera's picture",
+            address="MODEL",
+            optional=True,
+            sees=True,
+            factory="mpvi_bt.runs.choices.detectors:grounding_dino",
+        ),
+        "oracle": Backend(
+            "where every object is, from the simulator",
+            privileged=True,
+            factory="mpvi_bt.runs.choices.detectors:segmentation",
+        ),
+    },
+    "navigator": {
+        "grid": Backend("plans its way on the map's grid, and searches for what has no known place"),
+    },
+    "policy": {
+        "expert": Backend(
+            "scripted skills on true poses: the upper bound",
+            privileged=True,
+            factory="mpvi_bt.runs.choices.policies:expert",
+        ),
+        "reactive": Backend(
+            "the same skills on what the cameras show", sees=True, factory="mpvi_bt.runs.choices.policies:reactive"
+        ),
+        "learned": Backend(
+            "networks, learned from demonstrations; with weights of your own, or those that ship",
+            address="FILE.npz",
+            optional=True,
+            sees=True,
+            factory="mpvi_bt.runs.choices.policies:learned",
+        ),
+        "openpi": Backend(
+            "a policy server that speaks openpi's protocol",
+            address="ws://HOST:PORT",
+            sees=True,
+            factory="mpvi_bt.runs.choices.policies:openpi",
+        ),
+        "vla_eval": Backend(
+            "a model server of the vla-eval package",
+            address="ws://HOST:PORT",
+            sees=True,
+            factory="mpvi_bt.runs.choices.policies:vla_eval",
+        ),
+    },
+    "checker": {
+        "visual": Backend(
+            "judges a criterion by what one camera image shows; it errs as its address says",
+            address="fp=0.05,fn=0.1,latency=1",
+            optional=True,
+            sees=True,
+            factory="mpvi_bt.runs.choices.checkers:visual",
+            errs=True,
+        ),
+        "oracle": Backend(
+            "judges a criterion by the simulator's state; it errs as its address says",
+            privileged=True,
+            address="fp=0.05,fn=0.1,latency=1",
+            optional=True,
+            factory="mpvi_bt.runs.choices.checkers:oracle",
+            errs=True,
+        ),
+        "openai": Backend(
+            "a language model that sees, behind an OpenAI-compatible endpoint",
+            address="MODEL[@URL]",
+            sees=True,
+            factory="mpvi_bt.runs.choices.checkers:openai",
+        ),
+    },
+    "trigger": {
+        "proprioceptive": Backend(
+            "asks the checker when a hand or an arm has just ended something",
+            factory="mpvi_bt.runs.choices.checkers:proprioceptive",
+        ),
+        "periodic": Backend(
+            "asks the checker every so many steps", address="STEPS", factory="mpvi_bt.runs.choices.checkers:periodic"
+        ),
+    },
+}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A backend that is chosen.
+
+    Attributes:
+        kind: Such as "policy".
+        given: As on the command line, such as "openpi:ws://localhost:8000".
+        name: Before the colon; of another package's part all that was given.
+        address: After it; "" if none is given.
+        backend: What is known of it.
+        part: Of another package, or None.
+        both: The policies of a pair, whose second does what the first has no skill for; None of a single backend.
+        only: Skills that the first policy of a pair is to use; None: all that it has.
+    """
+
+    kind: str
+    given: str
+    name: str
+    address: str
+    backend: Backend
+    part: PluginPart | None = None
+    both: tuple[Choice, Choice] | None = None
+    only: tuple[str, ...] | None = None
+
+    def make(self, **offered: Any) -> Any:
+        """The backend itself. A part of another package gets only what `OFFERED` has for its kind.
+
+        Args:
+            **offered: What it may be made of; `address` and `given` are offered besides.
+
+        Raises:
+            UserError: It cannot be made.
+        """
+        if self.part is not None:
+            return self.part.make(**{name: offered[name] for name in OFFERED[self.kind]})
+        module, _, name = self.backend.factory.partition(":")
+        factory = getattr(importlib.import_module(module), name)
+        offered = {**offered, "address": self.address, "given": self.given}
+        return factory(**{p.name: offered[p.name] for p in asked_for(factory)})
+
+    def check(self) -> None:
+        """Raise UserError if it is of another package, and that has no such thing, or one that breaks the contract."""
+        if self.part is not None:
+            self.part.load()
+        for one in self.both or ():
+            one.check()
+
+
+def pair(given: str) -> tuple[str, str] | None:
+    """Both policies of a choice such as "learned+reactive" or "learned[pick]+reactive"; None of a single one.
+
+    Addresses may have a plus of their own: after one, only a plus before the name of a policy joins two.
+    """
+    known = BACKENDS["policy"]
+    for k, letter in enumerate(given):
+        first, second = given[:k], given[k + 1 :]
+        name = name_of(_limited(first)[0])
+        if letter == "+" and name in known and (":" not in first or name_of(second) in known):
+            return first, second
+    return None
+
+
+def _limited(given: str) -> tuple[str, tuple[str, ...] | None]:
+    """A policy without the skills in brackets behind it, and these; None of one without."""
+    if (found := _SKILLS.fullmatch(given)) is None:
+        return given, None
+    return found["policy"], tuple(name.strip() for name in found["skills"].split(","))
+
+
+def name_of(given: str) -> str:
+    """What comes before the address of a choice, whether there is such a backend or not."""
+    return given.partition(":")[0]
+
+
+def choose(kind: str, given: str) -> Choice:
+    """The backend that is chosen by name, by name and address, or by import path; of policies two, joined by "+".
+
+    Behind the first of two policies, in brackets, may be the skills that it is to use: "learned[pick]+reactive".
+
+    Raises:
+        UnknownName: There is none of that name.
+        UserError: An address where there is none, or none where there must be one; skills behind no first policy.
+    """
+    if kind == "policy" and (both := pair(given)) is not None:
+        alone, only = _limited(both[0])
+        first, second = choose(kind, alone), choose(kind, both[1])
+        reads = first.backend.privileged or second.backend.privileged
+        sees = first.backend.sees or second.backend.sees
+        rest = "what it has no skill for" if only is None else "all other skills"
+        backend = Backend(f"{both[0]}; {both[1]} does {rest}", reads, sees=sees)
+        return Choice(kind, given, given, "", backend, both=(first, second), only=only)
+    known = BACKENDS[kind]
+    if kind == "policy" and (alone := _limited(given)[0]) != given and name_of(alone) in known:
+        raise UserError(f"policy {given[:80]}: nobody does the other skills; say who, such as {given[:80]}+reactive.")
+    name, _, address = given.partition(":")
+    if name not in known:
+        if (part := find(kind, given, known)) is not None:
+            about = f"{part.path}, of another package"
+            return Choice(kind, given, given, "", Backend(about, sees=kind in ("policy", "checker", "detector")), part)
+        raise UnknownName(kind, name, (*known, *(entry_points(kind) if kind in OFFERED else ())))
+    backend = known[name]
+    if backend.address and not address and not (backend.optional and given == name):
+        raise UserError(f"{kind} {name} is somewhere else: say where, such as {name}:{backend.address}.")
+    if not backend.address and given != name:
+        raise UserError(f"{kind} {name} has no address; just say {name}, not {given[:80]!r}.")
+    return Choice(kind, given, name, address, backend)
+
+
+def privileged(chosen: Mapping[str, str]) -> list[str]:
+    """Those of the chosen backends (kind to name) that read simulator truth, as "kind:name", sorted."""
+    return sorted(f"{kind}:{name}" for kind, name in chosen.items() if choose(kind, name).backend.privileged)

@@ -1,0 +1,113 @@
+"""Makes the checker that a run chooses, and the triggers that have it asked. Each is imported only when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from mpvi_bt.executive.completion.mistakes import CheckErrors, MistakenChecker
+from mpvi_bt.ground.errors import UserError, shown
+from mpvi_bt.ground.protocols import Checker, Triggers
+from mpvi_bt.ground.robot.protocol import Robot
+from mpvi_bt.runs.choices.backends import choose
+from mpvi_bt.runs.choices.config import EpisodeConfig
+
+if TYPE_CHECKING:
+    from mpvi_bt.executive.remote.remote_world import RemoteWorld
+    from mpvi_bt.house.sim.world import World
+    from mpvi_bt.runs.choices.language_models import Models
+
+Vocabulary = Mapping[str, Iterable[str]]  # label of a thing to what people call it
+_MOST_STEPS = 10**6
+
+
+def make_checker(given: str, world: World | RemoteWorld, vocabulary: Vocabulary, seed: int, models: Models) -> Checker:
+    """The checker of a name.
+
+    Args:
+        given: Such as "visual", "visual:fp=0.05,fn=0.1" or "openai:MODEL".
+        world: The robot's; only privileged checkers look at it.
+        vocabulary: What the labels of pictures, which are the names of things, stand for.
+        seed: Of the mistakes that it is to make.
+        models: Of the episode.
+
+    Raises:
+        UnknownName: There is none of that name.
+        UserError: Its address is wrong.
+        ModelError: The language model cannot be asked.
+    """
+    choice = choose("checker", given)
+    checker: Checker = choice.make(world=world, vocabulary=vocabulary, seed=seed, models=models)
+    if choice.backend.errs and choice.address:
+        return MistakenChecker(checker, CheckErrors.read(choice.address, f"checker {choice.name}"), world, seed)
+    return checker
+
+
+def make_triggers(given: str, robot: Robot) -> Triggers:
+    """The triggers of a name, such as "proprioceptive" or "periodic:300". Raises UserError as `make_checker`."""
+    made: Triggers = choose("trigger", given).make(robot=robot)
+    return made
+
+
+def check_checker_choice(config: EpisodeConfig) -> None:
+    """Refuse a choice of checker or triggers that cannot be made. Raises UserError."""
+    doubt(config)
+    trigger = choose("trigger", config.trigger)
+    if trigger.name == "periodic":
+        _steps(trigger.address)
+
+
+def doubt(config: EpisodeConfig) -> str:
+    """One line for a person if the checker is to err, or "". Raises UserError if its errors are none."""
+    choice = choose("checker", config.checker)
+    if not (choice.backend.errs and choice.address):
+        return ""
+    name = f"checker {choice.name}"
+    return f"{name} {CheckErrors.read(choice.address, name)}"
+
+
+def visual(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+    """By what one picture shows."""
+    from mpvi_bt.finding.perception.visual_checker import VisualChecker
+
+    return VisualChecker(vocabulary, robot=world.robot.model)
+
+
+def oracle(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+    """By the simulator's state. Raises UserError where there is no simulator."""
+    from mpvi_bt.executive.completion.oracle import OracleChecker
+    from mpvi_bt.house.sim.world import World
+    from mpvi_bt.runs.choices.world_truth import TrueState
+
+    if not isinstance(world, World):
+        raise UserError("checker oracle reads the simulator itself, and there is none here.")
+    return OracleChecker(TrueState(world), vocabulary)
+
+
+def openai(given: str, models: Models) -> Checker:
+    """By a language model that sees."""
+    from mpvi_bt.executive.completion.judge import LanguageChecker
+
+    return LanguageChecker(models.make(given))
+
+
+def proprioceptive(robot: Robot) -> Triggers:
+    """When a hand or an arm has ended something."""
+    from mpvi_bt.executive.completion.triggers import ProprioceptiveTriggers
+
+    return ProprioceptiveTriggers(robot)
+
+
+def periodic(address: str) -> Triggers:
+    """Every so many steps."""
+    from mpvi_bt.executive.completion.periodic import PeriodicTriggers
+
+    return PeriodicTriggers(_steps(address))
+
+
+def _steps(address: str) -> int:
+    """The period of an address [steps]. Raises UserError if it is none."""
+    if not (address.isascii() and address.isdecimal() and 0 < int(address[:10]) <= _MOST_STEPS):
+        whole = f"a whole number of steps from 1 to {_MOST_STEPS}"
+        raise UserError(f"trigger periodic: {whole}, such as periodic:300, not {shown(address)}.")
+    return int(address)

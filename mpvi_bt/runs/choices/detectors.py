@@ -1,0 +1,41 @@
+"""Makes the detector that a run chooses, by name or by name and address. Each is imported only when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from mpvi_bt.finding.perception.detector import Detector, GuardedDetector
+from mpvi_bt.runs.choices.backends import choose
+
+Vocabulary = Mapping[str, Iterable[str]]  # label of a picture to what people call it
+
+
+def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> GuardedDetector:
+    """The detector of a name, guarded: what goes wrong in it is a DetectorError.
+
+    Args:
+        given: Such as "segmentation", "segmentation:miss=0.1" or "grounding_dino".
+        vocabulary: What the labels of pictures stand for.
+        seed: Of the mistakes that it is to make.
+
+    Raises:
+        UnknownName: There is none of that name.
+        UserError: Its address is wrong, or what it needs is not installed.
+    """
+    return GuardedDetector(choose("detector", given).make(vocabulary=vocabulary, seed=seed))
+
+
+def segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
+    """By the labels of pictures. With the detector "oracle", where things are comes from the simulator; what a policy
+    looks at is what this shows.
+    """
+    from mpvi_bt.finding.perception.segmentation import DetectionErrors, SegmentationDetector
+
+    return SegmentationDetector(vocabulary, errors=DetectionErrors.read(address, "detector segmentation"), seed=seed)
+
+
+def grounding_dino(address: str) -> Detector:
+    """By Grounding DINO; the address is its model."""
+    from mpvi_bt.finding.perception.grounding_dino import GroundingDinoDetector
+
+    return GroundingDinoDetector(address) if address else GroundingDinoDetector()

@@ -1,0 +1,95 @@
+"""Makes the planner that a run chooses, and gathers what it is told of the place and the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mpvi_bt.executive.plan.language_planner import LanguagePlanner
+from mpvi_bt.executive.plan.planners import Planner, RecordedPlanner
+from mpvi_bt.executive.plan.planning_context import PlanningContext
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.house.goals.problem import load_problem
+from mpvi_bt.house.instances.tasks import Task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.runs.choices.backends import NOBODY, choose
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.language_models import Models
+
+
+def make_planner(
+    config: EpisodeConfig,
+    task: Task | None,
+    models: Models,
+    house: str | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+) -> Planner:
+    """The planner that a run chooses. A language model is not asked yet.
+
+    Args:
+        config: Of the run: the planner's name, and where its plans go.
+        task: That is planned; its recorded plan is no example. None: an instruction alone.
+        models: Of the run.
+        house: Name or file of the house that the model is told of; None: the task's, or nothing of any.
+        tell: Is told in a line what is being done.
+
+    Raises:
+        UserError: There is no such planner or house.
+        ModelError: The model cannot be asked.
+        FileProblems: Everything that is wrong with a file that the model is told of.
+    """
+    if config.planner == NOBODY:
+        raise UserError(f"planner {NOBODY} makes no plan: choose recorded, or a model such as openai:MODEL or local.")
+    choice = choose("planner", config.planner)
+    if choice.name == "recorded":
+        return RecordedPlanner()
+    place = house or (task.house if task else None)
+    skills = load_skills()
+    grounding = ground(place, task, robot_named(config.robot).sides) if place else None
+    if choice.part is not None:
+        made: Planner = choice.make(skills=skills, grounding=grounding, tell=tell)
+        return made
+    own = {task.plan, task.problem, config.task_name} if task else set()
+    return LanguagePlanner(
+        models.make(config.planner, tell),
+        skills,
+        grounding,
+        RecordedPlanner().all(),
+        own,
+        config.planned.with_suffix(".answer.txt") if config.planned else None,
+        tell,
+    )
+
+
+def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> PlanningContext:
+    """What a plan can name in a house, and with the things of a task: what the knowledge base and detectors know.
+
+    Args:
+        house: Name or file.
+        task: Whose things are there; None: they are not known.
+        hands: Those of the robot.
+
+    Raises:
+        UserError: There is no such house.
+        FileProblems: Everything that is wrong with its file.
+    """
+    place, catalogue = load_house(house), load_catalogue()
+    fixtures = place.fixtures.values()
+    names = {room.name: room.phrases for room in place.rooms.values()}
+    names |= {f.name: (f.name, *f.entry.phrases) for f in fixtures}
+    if task is not None:
+        names |= {synset: catalogue.entries[name].phrases for synset, name in task.bindings.items()}
+        problem = load_problem(task.problem)
+        for fact in problem.init:  # marks on a floor are a patch, which is a thing to go to
+            if fact.literal.predicate == "covered" and fact.literal.args[0].startswith("floor."):
+                kind = problem.objects[fact.literal.args[1]]
+                names[kind] = (kind.partition(".")[0],)
+    return PlanningContext(
+        rooms={room: tuple(f.entry.phrases[0] for f in fixtures if f.room == room) for room in place.rooms},
+        names=names,
+        things=task is not None,
+        hands=hands,
+    )

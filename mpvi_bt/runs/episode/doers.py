@@ -1,0 +1,88 @@
+"""Whether policy and robot can do what is asked for: by what scripted policies know, and by the hands there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from mpvi_bt.executive.behaviors.parameters import Prompt
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.pattern import pattern
+from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skills
+from mpvi_bt.executive.tree.spec import TreeSpec
+from mpvi_bt.ground.errors import Problem, UserError, nearest, shown
+from mpvi_bt.ground.marked_yaml import Marks
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.hands.policies.repertoire import REPERTOIRE
+from mpvi_bt.runs.choices.backends import BACKENDS, choose
+from mpvi_bt.runs.choices.config import EpisodeConfig
+
+SCRIPTED = tuple(name for name, backend in BACKENDS["policy"].items() if not backend.address)
+_SERVERS = tuple(name for name, backend in BACKENDS["policy"].items() if backend.address)
+
+
+def lint_skill(data: Any, marks: Marks) -> list[Problem]:
+    """The warning of a skill that none of our policies knows how to do, of a file without errors."""
+    if (like := data.get("like")) is not None:
+        return list(_unlike(data, like, marks))
+    if data.get("motion") is not None or (name := data["name"]) in REPERTOIRE:
+        return []
+    message = (
+        f"none of our policies ({', '.join(SCRIPTED)}) knows how to do {name!r}, only perhaps that of a server "
+        f"({', '.join(_SERVERS)}); where one of theirs does it as well, say which by `like`, or name yours by `motion`"
+    )
+    more: dict[str, Any] = {"nearest": nearest(name, REPERTOIRE), "known": tuple(sorted(REPERTOIRE))}
+    return [marks.problem(("name",), "no-doer", message, severity="warning", **more)]
+
+
+def _unlike(data: Any, like: str, marks: Marks) -> Iterator[Problem]:
+    """What keeps a skill from being done as another one is: that has no motion, or no such words to fill in."""
+    if like not in REPERTOIRE:
+        yield marks.unknown(("like",), "skill", like, REPERTOIRE)
+    elif (known := load_skills().get(like)) is not None:
+        theirs = list(dict.fromkeys(slot for phrase in known.patterns for slot in phrase.slots))
+        for i, phrase in enumerate(data["phrases"]):
+            for slot in pattern(phrase).slots:
+                if slot not in theirs:
+                    place = ("phrases", i)
+                    yield marks.unknown(place, "slot", slot, theirs, whose=f" of {like!r}")
+
+
+def doubt(config: EpisodeConfig, spec: TreeSpec, skills: Mapping[str, Skill]) -> str:
+    """One line for a person if a tree asks for skills that the policy does not know how to do, or ""."""
+    name = choose("policy", config.policy).name
+    if name not in SCRIPTED:
+        return ""
+    asked = {
+        call.skill.name: path
+        for path, _, call in _calls(spec, skills)
+        if not call.skill.motion and call.motion not in REPERTOIRE
+    }
+    what = ", ".join(f"{skill!r} ({path})" for skill, path in asked.items())
+    return f"policy {name} does not know how to do {what}: these units will fail" if asked else ""
+
+
+def check_hands(robot: RobotModel, spec: TreeSpec, skills: Mapping[str, Skill]) -> None:
+    """Refuse a tree that is for other hands than a robot has.
+
+    Raises:
+        UserError: The first prompt that asks for two hands where there is one, or for a hand that is not there.
+    """
+    for path, clause, call in _calls(spec, skills):
+        if call.skill.hands > len(robot.sides):
+            raise UserError(f"{path}: {shown(clause)} takes two hands (skill {call.skill.name}); {robot.name} has one.")
+        hand = call.arguments.get("hand")
+        if hand in SIDES and hand not in robot.sides:
+            raise UserError(
+                f"{path}: {shown(clause)} is for the {hand} hand; {robot.name} has the {robot.sides[0]} one."
+            )
+
+
+def _calls(spec: TreeSpec, skills: Mapping[str, Skill]) -> Iterator[tuple[str, str, SkillCall]]:
+    """Every skill call of a tree's prompts: path of the node, the words, and what they ask for."""
+    for placed in spec.nodes:
+        if isinstance(prompt := placed.spec.parameters, Prompt):
+            for clause in clauses(prompt.prompt, skills):
+                if (call := match(clause, skills)) is not None:
+                    yield placed.path, clause, call

@@ -1,0 +1,357 @@
+"""What an episode is about to run, with everything refused that can be refused before a simulator loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+
+from mpvi_bt.executive.behaviors.parameters import Pause, Watch
+from mpvi_bt.executive.monitors.calibration import Calibration, load_calibration
+from mpvi_bt.executive.plan.later import LaterPlanner
+from mpvi_bt.executive.plan.plan_check import plan_problems
+from mpvi_bt.executive.plan.planners import Planned, Planner, RecordedPlanner
+from mpvi_bt.executive.plan.schema import Plan, check_plan
+from mpvi_bt.executive.plan.skills import Skill, load_skills
+from mpvi_bt.executive.tree.compile import UNIT_PARAMETERS, Arrange, compile_instruction, compile_plan
+from mpvi_bt.executive.tree.lint import check_rooms, lint
+from mpvi_bt.executive.tree.spec import NodeSpec, Placed, TreeSpec
+from mpvi_bt.executive.tree.substitute import Rules, load_rules
+from mpvi_bt.executive.tree.yaml_io import check_tree
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.ground.marked_yaml import Marks, load_marked
+from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.writing import write_whole
+from mpvi_bt.house.instances.splits import check_split
+from mpvi_bt.house.instances.tasks import Task, load_task
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.runs.choices.backends import NOBODY, choose, name_of
+from mpvi_bt.runs.choices.checkers import check_checker_choice
+from mpvi_bt.runs.choices.checkers import doubt as checker_doubt
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.detectors import make_detector
+from mpvi_bt.runs.choices.language_models import Models, check_language_choice, language_doubts
+from mpvi_bt.runs.choices.lateness import latency_of
+from mpvi_bt.runs.choices.planning import ground, make_planner
+from mpvi_bt.runs.choices.policies import check_policy_choice, rate_doubt
+from mpvi_bt.runs.choices.simulators import check_simulator_choice
+from mpvi_bt.runs.episode.doers import check_hands
+from mpvi_bt.runs.episode.doers import doubt as doer_doubt
+from mpvi_bt.runs.episode.saved_episode import SavedEpisode
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What to run.
+
+    Attributes:
+        task: None in a dry run of a tree alone.
+        skills: By name.
+        spec: The tree, its parameters filled in.
+        rules: Of stand-ins, or None.
+        models: Language models of the run.
+        planned: What the planner made of the instruction, if it was asked.
+        saved: Where it was stopped, if it goes on from there.
+        planner: Makes a new plan where a unit fails that asks for one, or None.
+        calibration: Thresholds of monitors, or None.
+    """
+
+    task: Task | None
+    skills: Mapping[str, Skill]
+    spec: TreeSpec
+    rules: Rules | None
+    models: Models
+    planned: Planned | None = None
+    saved: SavedEpisode | None = None
+    planner: Planner | None = None
+    calibration: Calibration | None = None
+
+    @property
+    def doubt(self) -> str:
+        """One line for a person if the tree says that it carries out another instruction than the task's, or ""."""
+        own, due = self.spec.instruction, self.task.instruction if self.task else ""
+        if not own or not due or own == due:
+            return ""
+        return f"tree {self.spec.name!r} was made for another instruction than the task's: {own!r}"
+
+
+def prepare(
+    config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None, given: TreeSpec | Plan | None = None
+) -> Prepared:
+    """Read and check what a run is made of, and have a plan made if there is none.
+
+    Args:
+        config: Its task, tree, plan and rules; "" stands for no task: a tree or a plan alone.
+        tell: Is told in a line what takes its time.
+        given: The tree or the plan itself, where `config` does not name its file: its name there is as of `named`.
+
+    Raises:
+        UserError: One of them does not exist or is wrong, a parameter has no value, nothing is there to run, or it is
+            for other hands than the robot has.
+        FileProblems: All that is wrong with a file, rooms that the task's house lacks, or rules that fit no node.
+        ModelError: A language model is to plan, and makes no plan.
+    """
+    task = load_task(config.task) if config.task else None
+    skills, arguments = load_skills(), dict(config.arguments)
+    models, planned = Models(config), None
+    arrange = arrangement(config, skills)
+    if arguments and config.tree is None:
+        raise UserError("only a tree of a file has parameters; name one with --tree.")
+    if config.planner == NOBODY:
+        _refuse_a_plan(config)
+    if config.tree is not None:
+        if config.on_failure != "advance":
+            raise UserError("the tree of a file says itself what becomes of failures; --on-failure is for plans.")
+        if config.drive != "navigator":
+            raise UserError("the tree of a file says itself who drives; --drive is for plans.")
+        if config.unit is not None:
+            raise UserError("the tree of a file has its own units; --unit is for plans.")
+        spec = _tree(given if isinstance(given, TreeSpec) else config.tree, task, skills, arguments)
+    elif config.plan is not None:
+        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot_named(config.robot))
+        spec = compile_plan(plan, skills, config.on_failure, config.drive, arrange)
+    elif task is not None and config.planner == NOBODY:
+        spec = compile_instruction(config.task_name, task.instruction)
+    elif task is not None:
+        planned = make_planner(config, task, models, tell=tell).ask(task.plan, task.instruction)
+        if planned.answers and config.planned is not None:
+            config.planned.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(config.planned, planned.plan.to_json())
+        spec = compile_plan(planned.plan, skills, config.on_failure, config.drive, arrange)
+        if problems := check_rooms(spec, load_house(task.house).rooms):
+            raise FileProblems(problems)
+    else:
+        raise UserError("there is nothing to run: name a task, a tree or a plan.")
+    check_hands(robot_named(config.robot), spec, skills)
+    if planned is not None and (late_s := latency_of(config, "planner")(0)) > 0:
+        wait = NodeSpec("wait", Pause(duration=late_s), "")
+        spec = replace(spec, root=replace(spec.root, children=(wait, *spec.root.children)))
+    rules = None
+    if config.substitute is not None:
+        rules = load_rules(config.substitute)
+        rules.check(spec)
+    planner = _replanner(config, task, models, spec, skills, given)
+    known = calibration_of(config)
+    return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=known)
+
+
+def calibration_of(config: EpisodeConfig) -> Calibration | None:
+    """The thresholds of monitors. Raises UserError if they are of another policy or robot, FileProblems if broken."""
+    if config.calibration is None:
+        return None
+    return load_calibration(config.calibration, name_of(config.policy), config.robot)
+
+
+def check_watched(config: EpisodeConfig, prepared: Collection[Prepared]) -> None:
+    """Refuse thresholds of none of the skills that monitors of what was prepared watch. Raises UserError."""
+    if (known := calibration_of(config)) is None:
+        return
+    watches = [placed.spec.parameters for ready in prepared for placed in ready.spec.nodes]
+    watched = {watch.skill for watch in watches if isinstance(watch, Watch) and watch.skill}
+    if not watched & known.skills.keys():
+        has, due = ", ".join(known.skills), ", ".join(sorted(watched)) or "none; --unit monitored does"
+        raise UserError(f"{config.calibration} has thresholds for {has}; skills that this run watches: {due}.")
+
+
+def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange | None:
+    """What makes the node of each unit of manipulation: the tree that `config.unit` names; None if it names none.
+
+    Raises:
+        UserError: There is no such tree, or it has parameters besides `UNIT_PARAMETERS` without a value.
+        FileProblems: Everything that is wrong with it.
+    """
+    if config.unit is None:
+        return None
+    data, marks = load_marked(paths.find_or_file("trees", config.unit))
+    tree = check_tree(data, marks, skills)
+    if wrong := [problem for problem in lint(tree, skills, marks) if problem.severity == "error"]:
+        raise FileProblems(wrong)
+    if more := sorted({*tree.unbound} - {*UNIT_PARAMETERS}):
+        known = ", ".join(UNIT_PARAMETERS)
+        raise UserError(f"--unit {config.unit}: its parameter {more[0]!r} has no value; a unit has {known}.")
+
+    def arranged(told: Mapping[str, str]) -> NodeSpec | None:
+        arguments = {name: told[name] for name in UNIT_PARAMETERS if name in tree.parameters}
+        return check_tree(data, marks, skills, arguments).root if all(arguments.values()) else None
+
+    return arranged
+
+
+def named(given: TreeSpec | Plan) -> str:
+    """What stands for a tree or a plan that no file holds, where its name or file is told."""
+    return f"<{given.name if isinstance(given, TreeSpec) else given.task_name}>"
+
+
+def _refuse_a_plan(config: EpisodeConfig) -> None:
+    """Raise UserError if a plan is to be followed that nobody makes."""
+    for option, given in (("--tree", config.tree), ("--plan", config.plan)):
+        if given is not None:
+            raise UserError(f"{option} says what to do step by step; with planner {NOBODY} only the policy knows.")
+    if config.on_failure != "advance":
+        raise UserError(f"--on-failure is for the units of a plan; planner {NOBODY} makes none.")
+
+
+def _tree(
+    given: str | TreeSpec, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]
+) -> TreeSpec:
+    if isinstance(given, TreeSpec):
+        spec, marks = given, Marks(named(given))
+        if arguments:
+            raise UserError(f"the parameters of tree {spec.name!r} are filled in where it is loaded, not here.")
+    else:
+        data, marks = load_marked(paths.find_or_file("trees", given))
+        spec = check_tree(data, marks, skills, arguments)
+    if wrong := [problem for problem in lint(spec, skills, marks) if problem.severity == "error"]:
+        raise FileProblems(wrong)
+    if spec.unbound:
+        wanted = " ".join(f"--param {name}={spec.parameters[name].type.upper()}" for name in spec.unbound)
+        raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
+    if task is not None and (problems := check_rooms(spec, load_house(task.house).rooms, marks)):
+        raise FileProblems(problems)
+    return spec
+
+
+def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], robot: RobotModel) -> Plan:
+    if isinstance(given, Plan):
+        plan, marks = given, Marks(named(given))
+    else:
+        data, marks = load_marked(paths.find_or_file("tasks/plans", given))
+        plan = check_plan(data, marks)
+    found = plan_problems(plan, skills, ground(task.house, task, robot.sides) if task else None, marks)
+    if wrong := [problem for problem in found if problem.severity == "error"]:
+        raise FileProblems(wrong)
+    return plan
+
+
+def doubts(config: EpisodeConfig, prepared: Prepared, dry: bool = False) -> list[str]:
+    """What a person should know of a run that can begin, a line each."""
+    of_plan = prepared.planned.doubts if prepared.planned else ()
+    said = [prepared.doubt, *(f"{p.pointer}: {p.message} [{p.code}]" for p in of_plan)]
+    if not dry:
+        said += [
+            make_detector(config.detector, {}, config.seed).note,
+            checker_doubt(config),
+            rate_doubt(config),
+            doer_doubt(config, prepared.spec, prepared.skills),
+        ]
+    return [line for line in said if line]
+
+
+def check_backends(config: EpisodeConfig) -> None:
+    """Refuse backends that do not exist or cannot be made. Raises UserError, and ModelError of language models."""
+    for kind, name in config.backends.items():
+        choose(kind, name).check()
+    check_language_choice(config)
+    check_policy_choice(config)
+    check_checker_choice(config)
+    check_simulator_choice(config)
+    if choose("detector", config.detector).part is None:
+        make_detector(config.detector, {})
+    if config.map == "online" and config.detector == "oracle":
+        raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")
+
+
+def prepare_episode(
+    config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None, given: TreeSpec | Plan | None = None
+) -> Prepared:
+    """As `prepare`, of an episode; its backends and its instance exist.
+
+    Raises:
+        UserError: Something in `config` does not exist or is wrong.
+        ModelError: As of `prepare`.
+    """
+    check_backends(config)
+    load_task(config.task).check_instance(config.instance)
+    check_split(config.split)
+    for doubt in language_doubts([config]):  # before a key is sent
+        tell(doubt)
+    ready = prepare(config, tell, given)
+    _check_replanning(ready)
+    return ready
+
+
+def check_episode(config: EpisodeConfig) -> Prepared | None:
+    """Refuse what `prepare_episode` would, as far as that can be told before a language model is asked for a plan.
+
+    Returns:
+        What it makes; None where a language model is to be asked first.
+
+    Raises:
+        UserError: Something in `config` does not exist or is wrong.
+        ModelError: The model cannot be asked.
+    """
+    asks_a_model = choose("planner", config.planner).name not in ("recorded", NOBODY)
+    if config.tree is None and config.plan is None and asks_a_model:
+        check_backends(config)
+        load_task(config.task).check_instance(config.instance)
+        check_split(config.split)
+        return None
+    return prepare_episode(config)
+
+
+def _replanner(
+    config: EpisodeConfig,
+    task: Task | None,
+    models: Models,
+    spec: TreeSpec,
+    skills: Mapping[str, Skill],
+    given: TreeSpec | Plan | None = None,
+) -> Planner | None:
+    """Who makes new plans where the tree wants them; None where it does not, or where there is no plan to go by."""
+    if not any(_wants_a_plan(placed) for placed in spec.nodes):
+        return None
+    if choose("planner", config.planner).name not in ("recorded", NOBODY):
+        return make_planner(config, task, models)
+    robot = robot_named(config.robot)
+    if config.plan is not None:
+        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot)
+        return LaterPlanner(plan, skills, robot.sides)
+    if task is None or config.tree is not None:
+        return None
+    return LaterPlanner(RecordedPlanner().plan(task.plan), skills, robot.sides)
+
+
+def _check_replanning(ready: Prepared) -> None:
+    """Raise UserError if a node wants a new plan where it fails, and nobody makes any."""
+    node = next(filter(_wants_a_plan, ready.spec.nodes), None)
+    if node is not None and ready.planner is None:
+        where = f" ({node.spec.place})" if node.spec.place else ""
+        raise UserError(
+            f"{node.path!r}{where} wants a new plan where it fails, and a tree of a file has no plan behind it: "
+            "choose a planner that makes one, such as --planner openai:MODEL."
+        )
+
+
+def _wants_a_plan(placed: Placed) -> bool:
+    return getattr(placed.spec.parameters, "on_failure", "") == "replan"
+
+
+def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
+    """What goes on from where it was stopped: the task and the rules of its settings, and the very tree.
+
+    Args:
+        saved: How it stood.
+        config: Of the run that goes on: the saved one, with outputs of its own.
+
+    Raises:
+        UserError: Its task is not there any more, or the like.
+        FileProblems: Its tree is none, or its rules are none.
+    """
+    task = load_task(config.task) if config.task else None
+    if task is None and not saved.dry:
+        raise UserError("the saved episode names no task.")
+    if task is not None and not saved.dry:
+        check_backends(config)
+        task.check_instance(config.instance)
+    spec = saved.spec
+    rules = load_rules(config.substitute) if config.substitute else None  # may fit what a new plan replaced
+    models = Models(config)
+    skills = load_skills()
+    planner = _replanner(config, task, models, spec, skills)
+    ready = Prepared(
+        task, skills, spec, rules, models, saved=saved, planner=planner, calibration=calibration_of(config)
+    )
+    if not saved.dry:
+        _check_replanning(ready)
+    return ready
