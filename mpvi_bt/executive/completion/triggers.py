@@ -28,44 +28,26 @@ _LONG_AGO = 10**9  # steps
 class Thresholds:
     """Thresholds of a grasp, a release, a stop and a rest.
 
-    Our choice throughout; the paper says only that a gripper "closes and holds at a nonzero width".
-
-    Attributes:
-        smoothing: Weight of the newest width in its exponential moving average.
-        still_m_s: The width is steady while it changes by less than this.
-        hold_s: How long the width must be steady.
-        held_m: A hand wider than its command by more than this has something between its fingers.
-        empty_m: A hand within this of its command has nothing; in between, the last state is kept.
-        opened_m: How much wider than its grasp a hand must get to have let go,
-        full_m: or, of a thing nearly as wide as the hand opens, how wide at all.
-        arm_still_rad_s: The arms are at rest while no joint of either is faster; for "rest", base and torso too [m/s].
-        moved_rad: How far a joint of an arm must have turned since the last rest for the next one to be an event.
-        moved_m: How far a hand must have moved what it holds since it took hold of it, or since the last event,
-        still_hand_m_s: and how slow it must be then, for a stop to be an event.
-        driven_m, turned_rad: How far the base must have gone from where it stood, or turned, for its rest to be news,
-        arrived_s: and how long the whole body must then stand: a look around pauses for less.
-        idle_s: Standing still for so long means that there is no more to do.
-        settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
-        refractory_s: At least this long between two events of one hand, unless a skill says otherwise.
+    Our choice; the paper says only that a gripper "closes and holds at a nonzero width".
     """
 
-    smoothing: float = 0.4
-    still_m_s: float = 0.002
-    hold_s: float = 0.33
-    held_m: float = 0.003
-    empty_m: float = 0.0015
-    opened_m: float = 0.015
-    full_m: float = 0.095
-    arm_still_rad_s: float = 0.05
-    moved_rad: float = 0.3
-    moved_m: float = 0.10
-    still_hand_m_s: float = 0.01
-    driven_m: float = 0.1
-    turned_rad: float = 0.2
-    arrived_s: float = 1.0
-    idle_s: float = 3.0
-    settle_s: float = 0.5
-    refractory_s: float = 1.0
+    smoothing: float = 0.4  # weight of the newest width in its exponential moving average
+    still_m_s: float = 0.002  # the width is steady while it changes by less [m/s]
+    hold_s: float = 0.33  # how long the width must be steady [s]
+    held_m: float = 0.003  # a hand this much wider than its command has something between its fingers [m]
+    empty_m: float = 0.0015  # a hand this close to its command has nothing; in between, the last state is kept [m]
+    opened_m: float = 0.015  # how much wider than its grasp a hand must get to have let go [m]
+    full_m: float = 0.095  # or how wide at all, with a thing nearly as wide as the hand opens [m]
+    arm_still_rad_s: float = 0.05  # the arms are at rest while every joint is slower; for "rest", base [m/s] and torso
+    moved_rad: float = 0.3  # how far a joint of an arm must turn after a rest for the next one to be an event [rad]
+    moved_m: float = 0.10  # how far a hand moves its payload, from the grasp or last event, before a stop counts [m]
+    still_hand_m_s: float = 0.01  # and how slow it must be then [m/s]
+    driven_m: float = 0.1  # how far the base must drive for its rest to be an event [m]
+    turned_rad: float = 0.2  # or how far it must turn [rad]
+    arrived_s: float = 1.0  # and how long the whole body must then stand [s]; a look around pauses for less
+    idle_s: float = 3.0  # a robot that stands still for so long has no more to do [s]
+    settle_s: float = 0.5  # how long the arms must be at rest [s]; the event marks the end of a primitive
+    refractory_s: float = 1.0  # least time between two events of one hand, unless a skill says otherwise [s]
 
 
 class ProprioceptiveTriggers:

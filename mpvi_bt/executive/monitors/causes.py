@@ -20,23 +20,14 @@ from mpvi_bt.executive.monitors.handoff import (
 
 @dataclass(frozen=True)
 class CauseThresholds:
-    """When a figure is a cause. All are our choice: each was set before any handoff was looked at.
+    """When a figure counts as a cause. Our choice: each was set before any handoff was looked at."""
 
-    Attributes:
-        clipped: Share of the actions that were clipped. Every second one is no slip.
-        waited: Share of the time in which the robot waited for answers: a policy is then slower than the robot.
-        still: Share of the time without motion. A policy that waits for the checker's yes may use the rest to act.
-        empty: Times that hands closed on nothing. Once may be meant, as to press with a closed hand.
-        shortest_s: A handoff shorter than this tells nothing by its motion [s]; a reach takes longer.
-        slow: Wall time of an answer as a share of the time that its actions take; above 1 a real robot would wait.
-    """
-
-    clipped: float = 0.5
-    waited: float = 0.5
-    still: float = 0.5
-    empty: int = 2
-    shortest_s: float = 2.0
-    slow: float = 1.0
+    clipped: float = 0.5  # share of the actions that were clipped; every second one is no slip
+    waited: float = 0.5  # share of the time spent waiting for answers; the policy is then slower than the robot
+    still: float = 0.5  # share of the time without motion; a policy that waits for the checker may use the rest to act
+    empty: int = 2  # times that hands closed on nothing; once may be meant, as to press with a closed hand
+    shortest_s: float = 2.0  # the motion in a shorter handoff tells nothing [s]; a reach takes longer
+    slow: float = 1.0  # wall time of an answer per time of its actions [ratio]; above 1 a real robot would wait
 
 
 _AT = CauseThresholds()

@@ -18,24 +18,15 @@ SAMPLE_STEPS = round(SAMPLE_S * CONTROL_HZ)
 
 @dataclass(frozen=True)
 class SignalParameters:
-    """What the signals are measured by. All are our choice.
+    """Parameters of the signals. Our choice."""
 
-    Attributes:
-        window_s: Over which reversals are counted and disagreement is taken the most of [s].
-        deadband_rad: A joint target that moves by less in a step stands still [rad]; 0.03 rad/s.
-        arm_rad: An arm joint that turns by more is progress [rad]; some 3 cm at the hand.
-        base_m, base_rad: Likewise of the base [m, rad].
-        torso: Likewise of the torso's joints [m or rad].
-        grip_m: Likewise of the opening between the fingers [m].
-    """
-
-    window_s: float = 2.0
-    deadband_rad: float = 0.001
-    arm_rad: float = 0.05
-    base_m: float = 0.03
-    base_rad: float = 0.05
-    torso: float = 0.03
-    grip_m: float = 0.005
+    window_s: float = 2.0  # window for counting reversals and for the largest disagreement [s]
+    deadband_rad: float = 0.001  # a joint target that moves by less in a step stands still [rad]; 0.03 rad/s
+    arm_rad: float = 0.05  # a larger turn of an arm joint is progress [rad]; about 3 cm at the hand
+    base_m: float = 0.03  # a longer way of the base is progress [m]
+    base_rad: float = 0.05  # a larger turn of the base is progress [rad]
+    torso: float = 0.03  # a larger move of a torso joint is progress [m or rad]
+    grip_m: float = 0.005  # a larger change of the gap between the fingers is progress [m]
 
 
 class Signals:

@@ -43,20 +43,12 @@ __all__ = ["DEFAULTS", "Driver", "GaveUp", "Goals", "NavigationParameters", "Sto
 
 @dataclass(frozen=True)
 class BackingOff:
-    """What a base does that something has brought to a halt.
+    """How the base backs off from what stopped it."""
 
-    Our choice.
-
-    Attributes:
-        speed_m_s: Speed of the base [m/s]: no camera sees the way back.
-        beyond_m: Distance beyond the footprint of what has stopped it [m],
-        block_m: which counts as a disc of this radius [m].
-        asides_rad: Directions off straight back; it takes the first that is free [rad].
-    """
-
-    speed_m_s: float = 0.15
-    beyond_m: float = 0.10
-    block_m: float = 0.15
+    speed_m_s: float = 0.15  # speed of the base [m/s]; no camera sees the way back; our choice
+    beyond_m: float = 0.10  # distance from the footprint to the obstacle that is assumed [m]; our choice
+    block_m: float = 0.15  # radius of that obstacle [m]; our choice
+    # directions off straight back, in order [rad]; our choice
     asides_rad: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)
 
 
@@ -77,36 +69,20 @@ class Stow(Protocol):
 
 @dataclass(frozen=True)
 class NavigationParameters:
-    """How to drive. Every figure is our choice; the paper gives none.
+    """How to drive. Our choice; the paper gives no figures."""
 
-    Attributes:
-        narrow: Where no way is wide enough for a robot that may turn anywhere, take one that is for its base, on which
-            its arms are heeded as what is carried is.
-        handoff: Where to stand before a target.
-        limits: With empty hands.
-        carrying: With something in a hand, or between both.
-        tolerance: When the goal pose counts as reached.
-        clearance: What passing close to obstacles costs.
-        stall_s: No motion for so long while driving means that something blocks the way.
-        idle_s: Nor may it come no nearer to its goal for so long.
-        back_off_m: How far to drive back from what blocks it, before planning anew.
-        halts: So many halts on the way are answered by another plan; the next one ends the drive.
-        replans: So many plans may be given up because the map showed something in the way.
-        look_again_s: A map that stays the same is compared with what is known of loose things once in so long.
-    """
-
-    narrow: bool = True
-    handoff: Handoff = field(default_factory=Handoff)
-    limits: Limits = field(default_factory=Limits)
-    carrying: Limits = CARRYING
-    tolerance: Tolerance = field(default_factory=Tolerance)
-    clearance: ClearanceCost = field(default_factory=ClearanceCost)
-    stall_s: float = 3.0
-    idle_s: float = 12.0
-    back_off_m: float = 0.20
-    halts: int = 3
-    replans: int = 30
-    look_again_s: float = 1.0
+    narrow: bool = True  # if no way has room for free turns, fit the base alone and treat the arms as a load
+    handoff: Handoff = field(default_factory=Handoff)  # where to stand before a target
+    limits: Limits = field(default_factory=Limits)  # limits with empty hands
+    carrying: Limits = CARRYING  # limits with something in a hand, or between both
+    tolerance: Tolerance = field(default_factory=Tolerance)  # when the goal pose counts as reached
+    clearance: ClearanceCost = field(default_factory=ClearanceCost)  # cost of passing close to obstacles
+    stall_s: float = 3.0  # time without motion after which something blocks the way [s]
+    idle_s: float = 12.0  # time without progress to the goal after which something blocks the way [s]
+    back_off_m: float = 0.20  # distance to drive back from an obstacle before a new plan [m]
+    halts: int = 3  # halts that are answered by another plan; the next one ends the drive
+    replans: int = 30  # plans that may be given up because the map showed an obstacle
+    look_again_s: float = 1.0  # time between two comparisons of an unchanged map with known loose things [s]
 
 
 DEFAULTS = NavigationParameters()

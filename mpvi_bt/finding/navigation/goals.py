@@ -19,26 +19,16 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class Ranking:
-    """What makes one place before a target worse than another, in meters of driving.
+    """Costs that make one place before a target worse than another, in meters of driving."""
 
-    Our choice.
-
-    Attributes:
-        near: Cost of each meter nearer than the preferred distance.
-        far: Cost of each meter beyond half way from there to the handoff distance.
-        aside: Cost of each meter off the middle of the target's side.
-        behind_m: Cost of a place at the side of a target that has a front; of one behind it twice that [m].
-        large_m: The base faces the center of a target of up to this size [m], and the nearest point of a larger one.
-        askew_rad: Yaw off the target for a base that is not round, where it fits no better [rad],
-        around_rad: and yaw off the best where it matters little where it looks [rad].
-    """
-
-    near: float = 6.0
-    far: float = 3.0
-    aside: float = 1.0
-    behind_m: float = 4.0
-    large_m: float = 0.6
+    near: float = 6.0  # cost of each meter nearer than the preferred distance; our choice
+    far: float = 3.0  # cost of each meter beyond half way from there to the handoff distance; our choice
+    aside: float = 1.0  # cost of each meter off the middle of the target's side; our choice
+    behind_m: float = 4.0  # cost of a place at the side of a target with a front [m]; behind it, twice that; our choice
+    large_m: float = 0.6  # the base faces the center of smaller targets, the nearest point of others [m]; our choice
+    # yaws off the target for a base that is not round, if it fits no better [rad]; our choice
     askew_rad: tuple[float, ...] = (0.0, 0.15, -0.15, 0.3, -0.3)
+    # yaws off the best, if it matters little where the base looks [rad]; our choice
     around_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.6, -1.6, np.pi)
 
 
@@ -47,21 +37,13 @@ _RANK = Ranking()
 
 @dataclass(frozen=True)
 class Handoff:
-    """Where navigation hands over to manipulation. Distances are from the base's center to the target's box.
+    """Where navigation hands over to manipulation. Distances are from the base's center to the target's box."""
 
-    Attributes:
-        distance_m: The handoff distance d_h. Our choice, the paper gives no figure: the arms reach 0.85 m and more.
-        preferred_m: No nearer than this if there is room: the arms need it to unfold.
-        gap_m: Between footprint and target, at the least.
-        slack_m: How much farther the base may stop where nothing nearer is free, as at a wide table.
-        facing_rad: How far off the target's direction the base may point and still be facing it.
-    """
-
-    distance_m: float = 0.9
-    preferred_m: float = 0.65
-    gap_m: float = 0.05
-    slack_m: float = 0.35
-    facing_rad: float = 0.4
+    distance_m: float = 0.9  # handoff distance d_h [m]; our choice, the paper has none: the arms reach 0.85 m and more
+    preferred_m: float = 0.65  # distance kept if there is room [m]; the arms need it to unfold
+    gap_m: float = 0.05  # least gap between footprint and target [m]
+    slack_m: float = 0.35  # how much farther the base may stop if nothing nearer is free, as at a wide table [m]
+    facing_rad: float = 0.4  # how far off the target's direction the base may point and still face it [rad]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,37 +17,20 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class LoadedCosts:
-    """What a way costs on which the heading matters, and what it keeps clear of.
+    """Costs and clearances of heading-aware paths."""
 
-    Our choice.
-
-    Attributes:
-        headings: Headings that are told apart, 7.5 degrees each.
-        turn_m: Cost of turning by a radian, in meters of driving [m].
-        aside: Added cost of driving sideways [ratio]; of driving backwards twice that.
-        swept: Added cost of driving sideways with a load over furniture: it is drawn off straight, as it was put in.
-        cannot: Cost of a step that a base which cannot go sideways cannot make,
-        oblique_rad: which is one farther off its heading than this [rad].
-        beside_m: Width around the way of the base's middle in which the way is looked for [m].
-        most: States that are looked at: the search takes a third of a second at the most.
-        clear_m: Clearance between obstacles and what turns, as following the path is off by this [m].
-        roomy_m: Clearance below which a load costs more [m],
-        tight: up to this many times where it touches.
-        near_m: Radius around start and goal in which a load may be where it touches no more than there [m].
-    """
-
-    headings: int = 48
-    turn_m: float = 0.3
-    aside: float = 1.0
-    swept: float = 2.0
-    cannot: float = 1e6
-    oblique_rad: float = 0.45
-    beside_m: float = 2.0
-    most: int = 200_000
-    clear_m: float = 0.02
-    roomy_m: float = 0.20
-    tight: float = 4.0
-    near_m: float = 0.8
+    headings: int = 48  # headings, 7.5 degrees apart; our choice
+    turn_m: float = 0.3  # cost of turning by a radian [m of driving]; our choice
+    aside: float = 1.0  # added cost of driving sideways [ratio]; of driving backwards twice that; our choice
+    swept: float = 2.0  # added cost of sideways driving with a load over furniture; loads come off straight; our choice
+    cannot: float = 1e6  # cost of a step that a base without sideways motion cannot make; our choice
+    oblique_rad: float = 0.45  # such a step is this far off the base's heading [rad]; our choice
+    beside_m: float = 2.0  # width of the search around the way of the base's middle [m]; our choice
+    most: int = 200_000  # largest number of searched states; the search takes at most a third of a second; our choice
+    clear_m: float = 0.02  # clearance of turning parts from obstacles [m]; path following is off by this; our choice
+    roomy_m: float = 0.20  # clearance below which a load costs more [m]; our choice
+    tight: float = 4.0  # cost factor of a load that touches; our choice
+    near_m: float = 0.8  # around start and goal, a load may touch no more than it does there [m]; our choice
 
 
 _COST = LoadedCosts()

@@ -22,21 +22,14 @@ from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 
 @dataclass(frozen=True)
 class Limits:
-    """How fast the base may go. Our choice: slow enough that tucked arms and held things do not swing.
+    """How fast the base may go. Our choice: slow enough that tucked arms and payloads do not swing."""
 
-    Attributes:
-        speed_m_s, turn_rad_s: In the open.
-        acceleration_m_s2, turn_acceleration_rad_s2: Up and down.
-        tight_m_s: Speed where the footprint touches an obstacle.
-        roomy_m: So far beyond the footprint there is room for full speed; it grows evenly up to there.
-    """
-
-    speed_m_s: float = 0.6
-    turn_rad_s: float = 1.2
-    acceleration_m_s2: float = 1.0
-    turn_acceleration_rad_s2: float = 2.5
-    tight_m_s: float = 0.25
-    roomy_m: float = 0.25
+    speed_m_s: float = 0.6  # speed in the open [m/s]
+    turn_rad_s: float = 1.2  # turning speed in the open [rad/s]
+    acceleration_m_s2: float = 1.0  # up and down [m/s2]
+    turn_acceleration_rad_s2: float = 2.5  # up and down [rad/s2]
+    tight_m_s: float = 0.25  # speed where the footprint touches an obstacle [m/s]
+    roomy_m: float = 0.25  # distance beyond the footprint with room for full speed; speed grows evenly up to it [m]
 
 
 CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2, tight_m_s=0.20)
@@ -47,35 +40,20 @@ AT_REST: Array = np.zeros(3)
 
 @dataclass(frozen=True)
 class PathPursuit:
-    """How a path is followed.
+    """How a path is followed."""
 
-    Our choice.
-
-    Attributes:
-        easy: Part of the acceleration limit that is planned with [ratio]; the rest is for corrections.
-        settling: Largest speed near the end, for each meter to go [1/s],
-        settling_steps: and largest part of it in one control step [ratio]: so the base does not chatter at the goal.
-        turn_first: A base that is off its way by a right angle divided by this stands still until it has turned.
-        there: At this part of the tolerance a base that cannot go sideways turns to the goal's yaw [ratio].
-        aim: Lookahead on a path of poses, where loads touch and where there is room [m, and rad].
-        keeps_rad: Yaw error up to which the next pose may be gone to [rad].
-        bend: Points of a path of poses before and after one, between which it bends.
-        after: Points after a bend at which there has to be room for what is swung out.
-        off_m: Deviation from such a path that is always allowed [m].
-        seen_every: One point in so many of such a path is checked for new obstacles.
-    """
-
-    easy: float = 0.7
-    settling: float = 4.0
-    settling_steps: float = 0.3
-    turn_first: float = 1.5
-    there: float = 0.6
+    easy: float = 0.7  # planned part of the acceleration limit [ratio]; the rest is for corrections; our choice
+    settling: float = 4.0  # largest speed near the end, per meter to go [1/s]; our choice
+    settling_steps: float = 0.3  # largest part of the way left in one step [ratio], or the base chatters; our choice
+    turn_first: float = 1.5  # a base off its way by a right angle divided by this first turns on the spot; our choice
+    there: float = 0.6  # part of the tolerance where a base without sideways motion turns to its goal; our choice
+    # lookahead on a path of poses: where loads touch, and where there is room [m, and rad]; our choice
     aim: tuple[float, float] = (0.06, 0.25)
-    keeps_rad: float = 0.15
-    bend: int = 4
-    after: int = 6
-    off_m: float = 0.015
-    seen_every: int = 3
+    keeps_rad: float = 0.15  # yaw error up to which the next pose may be approached [rad]; our choice
+    bend: int = 4  # points of a path of poses before and after a bend; our choice
+    after: int = 6  # points after a bend at which there has to be room for what swings out; our choice
+    off_m: float = 0.015  # deviation from such a path that is always allowed [m]; our choice
+    seen_every: int = 3  # one point in this many of such a path is checked for new obstacles; our choice
 
 
 _PURSUIT = PathPursuit()

@@ -30,24 +30,15 @@ _BETTER = 1.05  # our choice: a view is better than another if it shows so many 
 
 @dataclass(frozen=True)
 class SearchParameters:
-    """How thoroughly to search. Every figure is our choice; the paper gives none.
+    """How thoroughly to search. Our choice; the paper gives no figures."""
 
-    Attributes:
-        gains_m2: Frontiers that show so much unseen floor are driven to, each size before the next; those that show
-            less than the last, and patches that are smaller, are passed over.
-        turn_m2: The robot turns on the spot only toward so much unseen floor.
-        near_m: So near to a frontier is at the frontier: the camera looks ahead.
-        headings: That are compared, around the circle.
-        fov_rad: Horizontal field of view that is counted on.
-        barren_m: Around a place from which nothing new was seen after all there is no frontier any more.
-    """
-
+    # least unseen floor at a frontier that is driven to, in rounds; smaller frontiers and patches are skipped [m2]
     gains_m2: tuple[float, ...] = (1.0, 0.25, 0.05)
-    turn_m2: float = 0.5
-    near_m: float = 0.5
-    headings: int = 16
-    fov_rad: float = 1.3
-    barren_m: float = 0.4
+    turn_m2: float = 0.5  # least unseen floor for a turn on the spot [m2]
+    near_m: float = 0.5  # distance at which a frontier is reached [m]; the camera looks ahead
+    headings: int = 16  # headings that are compared, around the circle
+    fov_rad: float = 1.3  # horizontal field of view that is counted on [rad]
+    barren_m: float = 0.4  # no frontier is this close to a place that showed nothing new [m]
 
 
 class TargetSearch:

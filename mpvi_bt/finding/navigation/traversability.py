@@ -29,19 +29,11 @@ interpolation is up to 1/(8 r) too large, 0.06 for circles that are wider than t
 
 @dataclass(frozen=True)
 class Escape:
-    """Where a base may go that stands too near an obstacle.
+    """Where a base that stands too close to an obstacle may go."""
 
-    Our choice.
-
-    Attributes:
-        near_m: Radius around the base within which it may leave [m],
-        out_m: or distance beyond the nearest place where it fits [m],
-        deep_m: if that place is no farther than this [m].
-    """
-
-    near_m: float = 0.6
-    out_m: float = 0.15
-    deep_m: float = 1.3
+    near_m: float = 0.6  # radius around the base in which it may leave [m]; our choice
+    out_m: float = 0.15  # distance beyond the nearest place with room, if that is more [m]; our choice
+    deep_m: float = 1.3  # largest distance to that place [m]; our choice
 
 
 _ESCAPE = Escape()

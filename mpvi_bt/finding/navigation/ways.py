@@ -18,25 +18,14 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class Tries:
-    """How many goals a way is looked for to, where the search takes its time.
+    """How many goals are tried if the path search is slow."""
 
-    Our choice.
-
-    Attributes:
-        loaded: Goals that are tried by a robot with something in its hands.
-        base: Goals that are tried by a base that is not round,
-        apart_m: at least this far apart [m].
-        tight_m: How much less clearance loads get where they do not fit otherwise, and the base half of that [m].
-        halts: Halts of the base before one goal after which that is no goal,
-        halted_m: if the base was going to a place this near to it [m].
-    """
-
-    loaded: int = 2
-    base: int = 4
-    apart_m: float = 0.3
-    tight_m: float = 0.02
-    halts: int = 2
-    halted_m: float = 0.3
+    loaded: int = 2  # goals that are tried by a robot with a payload; our choice
+    base: int = 4  # goals that are tried by a base that is not round; our choice
+    apart_m: float = 0.3  # least distance between these goals [m]; our choice
+    tight_m: float = 0.02  # loads that do not fit get this much less clearance, the base half of that [m]; our choice
+    halts: int = 2  # halts of the base before one goal after which that is no goal; our choice
+    halted_m: float = 0.3  # if the base was driving to a place this close to it [m]; our choice
 
 
 _TRIES = Tries()

@@ -27,47 +27,29 @@ _TOUCHING_PX = 5  # of a hand where it touches a thing, or nearly so
 
 @dataclass(frozen=True)
 class Eyesight:
-    """What counts as seen. Our choice throughout.
+    """What counts as seen. Our choice."""
 
-    Attributes:
-        seen_px: A thing with fewer pixels than this is not seen.
-        reach_m: Half height and half depth of the space at the fingertips where a held thing must be.
-        gap_m: Fingers closer than this have nothing between them.
-        touch_m: Neighboring pixels this near each other in space belong to things that touch.
-        covers_m, covers: A hand is seen no farther than this before what it may hold, along so much of its outline.
-        held_m: What is longer than this is not held so that an arm across it hides the hand.
-        beside_m: Hands seen no farther than this from both sides of a thing press it, under a lid that hides how.
-        hangs_m: What is seen right below a thing lies so far behind it if the thing hangs in the air.
-        rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
-        rest_m: How exactly a thing's lowest visible points must be level with what it is said to be on.
-        share: How much of what is seen of a thing must be in place.
-        beside: Two things are next to each other if the gap between them is at most so much of their mean size.
-        light_px: A switch with fewer pixels than this is not seen.
-        hollow_m: How far behind its outline what is seen of a thing lies where one looks into it.
-        at_m: The robot is at a thing no farther than this from its camera, from above: the handoff distance and what
-            navigation adds to it before a wide table.
-        hollow_share: So much of what is seen of an open thing is hollow, and so little of a closed one: a handle is.
-        part: What the edge of the picture cuts, and covers less of it than this, is a part that does not tell.
-    """
-
-    seen_px: int = 15
-    reach_m: float = 0.05
-    gap_m: float = 0.003
-    touch_m: float = 0.03
-    covers_m: float = 0.15
-    covers: float = 0.2
-    held_m: float = 0.5
-    beside_m: float = 0.06
-    hangs_m: float = 0.1
-    rim_m: float = 0.06
-    rest_m: float = 0.03
-    share: float = 0.5
-    beside: float = 1 / 3
-    light_px: int = 4
-    hollow_m: float = 0.12
+    seen_px: int = 15  # a thing with fewer pixels than this is not seen
+    reach_m: float = 0.05  # half height and half depth of the space at the fingertips where a held thing must be [m]
+    gap_m: float = 0.003  # fingers closer than this have nothing between them [m]
+    touch_m: float = 0.03  # neighboring pixels this close in space belong to things that touch [m]
+    covers_m: float = 0.15  # largest distance of a hand before what it may hold [m]
+    covers: float = 0.2  # part of the hand's outline along which that must be so [ratio]
+    held_m: float = 0.5  # a longer thing is not held when an arm across it hides the hand [m]
+    beside_m: float = 0.06  # hands this close to both sides of a thing press it, under a lid that hides how [m]
+    hangs_m: float = 0.1  # a thing hangs in the air if the view right below it is this far behind it [m]
+    rim_m: float = 0.06  # largest height of a thing inside above the container's rim, if its own size is less [m]
+    rest_m: float = 0.03  # tolerance between a thing's lowest visible points and its support [m]
+    share: float = 0.5  # part of the visible thing that must be in place [ratio]
+    beside: float = 1 / 3  # largest gap between things that are next to each other [ratio of their mean size]
+    light_px: int = 4  # a switch with fewer pixels than this is not seen
+    hollow_m: float = 0.12  # the view into an open thing is this far behind its outline [m]
+    # largest distance from the robot's camera to a thing it is at, seen from above [m]: the handoff distance and the
+    # slack of navigation before a wide table
     at_m: float = 1.25
+    # least hollow part of an open thing, and largest of a closed one (a handle is hollow) [ratio]
     hollow_share: tuple[float, float] = (0.05, 0.01)
-    part: float = 0.12
+    part: float = 0.12  # a part at the picture's edge tells nothing if it covers less of the edge than this [ratio]
 
 
 class VisualChecker:

@@ -7,27 +7,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Belief:
-    """The rule by which looks raise and lower the probability that a thing is at a place.
+    """How looks raise and lower the probability that a thing is at a place.
 
     Our choice: the odds are multiplied by the likelihood ratio of each look. A detection of score s counts as
     hit / (1 - s), the false alarms kept to `least_false`..`most_false`, a look that should show the thing and does not
     as (1 - hit) / (1 - `least_false`). With the numbers below one detection is enough (0.5) if its score is 0.78 or
     more, two of any score are, and what was seen often is given up after three looks in vain.
-
-    Attributes:
-        hit: Share of the things in plain view that the detector finds.
-        prior: Probability that a thing is where the detector first says so, before its score counts.
-        given_up: What is less likely than that is forgotten.
-        sure: No look makes surer, so that a few looks that show nothing there are always enough to give up.
-        most_false, least_false: False alarms that detections of low and of high score count for.
     """
 
-    hit: float = 0.9
-    prior: float = 0.2
-    given_up: float = 0.1
-    sure: float = 0.98
-    most_false: float = 0.25
-    least_false: float = 0.05
+    hit: float = 0.9  # share of the things in plain view that the detector finds
+    prior: float = 0.2  # probability at the first detection, before its score counts
+    given_up: float = 0.1  # a thing less likely than this is forgotten
+    sure: float = 0.98  # largest probability, so that a few looks in vain always suffice to give up
+    most_false: float = 0.25  # false alarms of detections with a low score
+    least_false: float = 0.05  # false alarms of detections with a high score
 
     def first(self, score: float) -> float:
         """Probability of a thing that was detected once."""

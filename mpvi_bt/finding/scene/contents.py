@@ -15,19 +15,14 @@ from mpvi_bt.ground.robot.collision import Surroundings
 
 @dataclass(frozen=True)
 class Heap:
-    """What in a vessel belongs to nothing that is known.
+    """Contents of a vessel that belong to no known thing.
 
-    Our choice, as solids that are fitted to what is known of a thing are off by a cube or so.
-
-    Attributes:
-        cell_m: Edge of the cubes that it is told by [m]: as fine as depth pictures show it from 1 m.
-        above_m: It may stick out so far above the rim [m].
-        own_m: Points this near to solids that are known are theirs [m]: as fits are off.
+    Our choice: solids fitted to known things are off by about one cube.
     """
 
-    cell_m: float = 0.02
-    above_m: float = 0.15
-    own_m: float = 0.025
+    cell_m: float = 0.02  # edge of the cubes [m]; as fine as depth pictures show from 1 m
+    above_m: float = 0.15  # largest height of the contents above the rim [m]
+    own_m: float = 0.025  # points this close to the solids of known things belong to those [m]
 
 
 _HEAP = Heap()

@@ -15,15 +15,10 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class PlaceParameters:
-    """When a place is one where something was put. Our choice, as odometry drifts from one standing place to the next.
+    """When a place is one where something was put. Our choice, as odometry drifts from one place to the next."""
 
-    Attributes:
-        floor_m: What begins no higher lies on the floor [m].
-        there_m: From where a thing was put down, or a vessel stood that was filled, seen from elsewhere [m].
-    """
-
-    floor_m: float = 0.03
-    there_m: float = 0.1
+    floor_m: float = 0.03  # a thing that begins no higher lies on the floor [m]
+    there_m: float = 0.1  # distance between two sightings of one place of a released thing or a filled vessel [m]
 
 
 _PLACES = PlaceParameters()

@@ -29,34 +29,21 @@ from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 
 @dataclass(frozen=True)
 class Association:
-    """Which sighting may be of which known thing, and what it then changes.
+    """Which sighting may be of which known thing, and how it changes that thing.
 
-    Our choice: the depth, the joints and the odometry of a good robot are off by a third of the gate.
-
-    Attributes:
-        gate_m: Middles that are nearer than this may be those of one thing [m],
-        gate_per_m: and this more a meter of range [ratio].
-        unseen_gate_m: Likewise for what was let go and not seen since [m]: it may have rolled or fallen.
-        shared: Boxes that have this part of the smaller one in common may be those of one thing [ratio].
-        smaller: A box so much smaller than another, within half the gate from it, may be that of a part of it [ratio].
-        part_misfit: How badly a part fits, 0 to 1.
-        flat_m: Boxes count as at least that thick [m].
-        grows: Part of the way outward to where a look has the faces of a box [ratio]: a look shows a part, hardly ever
-            too much.
-        shrinks: Likewise inward [ratio].
-        large_m: What is longer, seen from above, is no thing to be carried [m].
+    Our choice: depth, joints and odometry of a good robot are off by a third of the gate.
     """
 
-    gate_m: float = 0.10
-    gate_per_m: float = 0.05
-    unseen_gate_m: float = 0.40
-    shared: float = 0.25
-    smaller: float = 0.7
-    part_misfit: float = 0.9
-    flat_m: float = 0.02
-    grows: float = 0.5
-    shrinks: float = 0.1
-    large_m: float = 0.9
+    gate_m: float = 0.10  # boxes with centers nearer than this may show one thing [m]
+    gate_per_m: float = 0.05  # growth of the gate per meter of range [ratio]
+    unseen_gate_m: float = 0.40  # gate for a thing let go and not seen since [m]; it may have rolled or fallen
+    shared: float = 0.25  # boxes that share this part of the smaller one may show one thing [ratio]
+    smaller: float = 0.7  # a box this much smaller, within half the gate, may show a part of the other [ratio]
+    part_misfit: float = 0.9  # misfit of such a part, 0 to 1
+    flat_m: float = 0.02  # least thickness of a box in this comparison [m]
+    grows: float = 0.5  # step of a box outward to a new look's faces [ratio]; a look shows a part, hardly ever too much
+    shrinks: float = 0.1  # step of a box inward [ratio]
+    large_m: float = 0.9  # a thing longer than this, seen from above, is not for carrying [m]
 
 
 _FIT = Association()

@@ -26,20 +26,13 @@ class Touch:
     Our choice: sooner than the arm comes to rest, and not while the fingers still move. A hand closes on what it was
     led to. Shapes are off by some centimeters, boxes about things that were seen from one side by more, those of large
     things by most.
-
-    Attributes:
-        steady_m: Fingers that move less than that in a step [m],
-        steady_steps: so many steps in a row, have met something.
-        grasped_m: From a hand to what it takes, at the most [m].
-        pressed_m: Likewise from two hands to what they press [m].
-        outer: What contains a thing covers that much more floor than it [ratio].
     """
 
-    steady_m: float = 0.0005
-    steady_steps: int = 3
-    grasped_m: float = 0.08
-    pressed_m: float = 0.15
-    outer: float = 1.2
+    steady_m: float = 0.0005  # fingers that move less in a step are steady [m]
+    steady_steps: int = 3  # steady steps in a row of fingers that have met something
+    grasped_m: float = 0.08  # largest distance from a hand to what it takes [m]
+    pressed_m: float = 0.15  # largest distance from two hands to what they press [m]
+    outer: float = 1.2  # least floor area of the container of a thing [ratio of the thing's]
 
     def reach_m(self, hand: Hand) -> float:
         """From a hand, or the farther one of both, to what it takes, at the most."""

@@ -20,25 +20,17 @@ from mpvi_bt.ground.robot.collision import Surroundings
 
 @dataclass(frozen=True)
 class InHandParameters:
-    """What of a picture is what a hand holds.
+    """Which part of a picture is the payload of a hand.
 
     Our choice, by things of the size that one hand holds.
-
-    Attributes:
-        reach_m: What a mask shows that far from the hand is something else [m].
-        kept: Pictures of it remembered: what hangs in a hand swings a little.
-        alike: Part of its points that are where its shape has them [ratio], or it has slipped.
-        alike_m: They are at most that far from its surface [m].
-        long: Times as long as wide, to be seen to hang on a slant [ratio].
-        slanted_rad: From upright [rad]; what lies across in the hand is level.
     """
 
-    reach_m: float = 0.35
-    kept: int = 8
-    alike: float = 0.9
-    alike_m: float = 0.008
-    long: float = 2.0
-    slanted_rad: tuple[float, float] = (0.06, 1.0)
+    reach_m: float = 0.35  # points of a mask farther than this from the hand are of another thing [m]
+    kept: int = 8  # remembered pictures of a payload; what hangs in a hand swings a little
+    alike: float = 0.9  # part of its points that lie where its shape has them [ratio]; with fewer it has slipped
+    alike_m: float = 0.008  # largest distance of such a point from its surface [m]
+    long: float = 2.0  # least length by width for a slanted payload [ratio]
+    slanted_rad: tuple[float, float] = (0.06, 1.0)  # slants from upright [rad]; a payload across the hand is level
 
 
 _HOLDING = InHandParameters()

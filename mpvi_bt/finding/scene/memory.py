@@ -40,32 +40,20 @@ from mpvi_bt.ground.robot.robots import robot_named
 
 @dataclass(frozen=True)
 class Tracking:
-    """Which mask is which thing, and what it tells.
+    """Thresholds for matching masks to known things.
 
-    Our choice: within one standing place odometry does not drift,
-    after a drive it is off by as much as it drifts in some meters.
-
-    Attributes:
-        kept: Pictures remembered.
-        moved: A base that has moved farther than this [m, rad] stands at another place.
-        near_m: A mask this near to where a thing was is that thing, from the same place [m].
-        far_m: Likewise after a drive [m].
-        recent_m: Of driving [m]: what was seen before is still good enough to be fitted to what is seen now.
-        through_m: Where the depth is that much farther than the middle of a hollow thing, it is gone [m],
-        behind_m: and that much farther than that of another, beside the noise of depth [m].
-        beside_m: Points this near to a vessel and what is in it are theirs [m],
-        above_m: if they are that much above what it stands on [m].
+    Our choice: odometry does not drift at one standing place; after a drive it is off by its drift over some meters.
     """
 
-    kept: int = 20
-    moved: tuple[float, float] = (0.01, 0.015)
-    near_m: float = 0.12
-    far_m: float = 0.30
-    recent_m: float = 1.2
-    through_m: float = 0.06
-    behind_m: float = 0.01
-    beside_m: float = 0.025
-    above_m: float = 0.01
+    kept: int = 20  # remembered pictures
+    moved: tuple[float, float] = (0.01, 0.015)  # a base that has moved farther stands at another place [m, rad]
+    near_m: float = 0.12  # a mask this close to where a thing was is that thing, from the same place [m]
+    far_m: float = 0.30  # the same after a drive [m]
+    recent_m: float = 1.2  # driving after which an older picture is no longer fitted together with new ones [m]
+    through_m: float = 0.06  # a hollow thing is gone if the depth is this far behind its middle [m]
+    behind_m: float = 0.01  # another thing is gone if the depth is this far behind it, beside the noise of depth [m]
+    beside_m: float = 0.025  # points this close to a vessel and its contents are theirs [m]
+    above_m: float = 0.01  # if they are this far above its support [m]
 
 
 _TRACK = Tracking()
@@ -73,21 +61,15 @@ _TRACK = Tracking()
 
 @dataclass(frozen=True)
 class Grasping:
-    """What a hand does to what it takes, and what becomes of that when it lets go.
+    """Effects of grasping and releasing.
 
-    Our choice, by how far shapes are off.
-
-    Attributes:
-        spans: What is smaller than this share of the gap between the fingers is likely not what they hold [ratio].
-        set_down_m: What is let go of no higher than that stays where it is [m].
-        deeper_m: Than it seems a vessel in hand may be [m].
-        recentered_m: Fingers that close shift what they take by less than this [m].
+    Our choice, by errors of shapes.
     """
 
-    spans: float = 0.8
-    set_down_m: float = 0.03
-    deeper_m: float = 0.1
-    recentered_m: float = 0.04
+    spans: float = 0.8  # a thing smaller than this part of the gap between the fingers is likely not held [ratio]
+    set_down_m: float = 0.03  # a payload released no higher than this stays where it is [m]
+    deeper_m: float = 0.1  # a vessel in the hand may be this much deeper than it seems [m]
+    recentered_m: float = 0.04  # closing fingers shift their payload by less than this [m]
 
 
 _GRASPING = Grasping()

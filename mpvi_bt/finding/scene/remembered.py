@@ -17,35 +17,22 @@ from mpvi_bt.ground.robot.protocol import CameraImage
 
 @dataclass(frozen=True)
 class Grid:
-    """The grid that surfaces are remembered on.
+    """The grid on which surfaces are remembered.
 
     Our choice: as fine as the field of obstacles, as wide as a room.
-
-    Attributes:
-        cell_m: Edge of a cell [m].
-        cells: Cells about the robot each way: 12.8 m.
-        up: Cells upward: 1.95 m.
-        low_m: It begins at this height [m]: the floor is none.
-        moved_m: So far from its middle the grid comes along [m].
-        range_m: What is farther off is seen again from near [m].
-        sure: Pictures that show a place as it is now outweigh any number of older ones.
-        twice: Pictures that have to show it: what one alone shows may be noise, but for what is tall.
-        tall_m: What is at least so tall [m],
-        whole: seen in that share of its height, is taken to stand there [ratio].
-        overhead_m: Things that are moved, chairs and what stands on desks among them, do not reach as high as that [m].
     """
 
-    cell_m: float = CELL_M
-    cells: int = 512
-    up: int = 78
-    low_m: float = 0.05
-    moved_m: float = 3.0
-    range_m: float = 2.5
-    sure: int = 3
-    twice: int = 2
-    tall_m: float = 1.0
-    whole: float = 0.6
-    overhead_m: float = 1.2
+    cell_m: float = CELL_M  # edge of a cell [m]
+    cells: int = 512  # cells about the robot each way: 12.8 m
+    up: int = 78  # cells upward: 1.95 m
+    low_m: float = 0.05  # lowest height of the grid, above the floor [m]
+    moved_m: float = 3.0  # distance from its middle at which the grid moves along [m]
+    range_m: float = 2.5  # a surface farther off is seen again from nearby [m]
+    sure: int = 3  # pictures of a place as it is now that outweigh any number of older ones
+    twice: int = 2  # pictures that have to show a low surface; one alone may be noise
+    tall_m: float = 1.0  # height of a tall thing [m]
+    whole: float = 0.6  # part of its height seen for a tall thing to stand there [ratio]
+    overhead_m: float = 1.2  # movable things, such as chairs and things on desks, end below this [m]
 
 
 _GRID = Grid()

@@ -41,43 +41,26 @@ _IN = "what is in "  # a thing that is known: all else that is seen in it, as on
 
 @dataclass(frozen=True)
 class Looking:
-    """What pictures tell of things beside their shapes.
+    """What pictures show of things beside their shapes.
 
     Our choice: fits are off by some centimeters, and odometry after a drive by as much again.
-
-    Attributes:
-        passed_m: Of driving [m]: pictures that old still tell where the base can go.
-        carved: Pictures of the head that the field of obstacles is carved from.
-        near_m: A switch this near to a thing is that of the thing [m].
-        face_px: What is seen of less is not searched for doors.
-        explained_m: Points this near a thing's solids are its own [m].
-        roughly_m: Likewise of what was remembered from before it was asked for [m]: shapes leave parts of things out.
-        button_m: About a switch, what is touched with it [m].
-        fine_m: Width of the finer field about what is worked on [m].
-        fine_cell_m: Its cell [m].
-        ajar: Of its limit: a door that stands so far open is remembered [ratio],
-        hinge_m: until one is seen to hang that near to where it does [m],
-        most: of so much of its height and width [ratio],
-        beyond_m: or its place is seen through, to that much farther behind it [m].
-        foot_m: Parts of furniture that begin so near to the lowest one are its foot [m].
-        trusted_m: How thick surfaces are where hidden space is given the benefit of doubt [m].
     """
 
-    passed_m: float = 1.0
-    carved: int = 4
-    near_m: float = 0.12
-    face_px: int = 30
-    explained_m: float = 0.025
-    roughly_m: float = 0.1
-    button_m: float = 0.02
-    fine_m: float = 0.6
-    fine_cell_m: float = 0.01
-    ajar: float = 0.5
-    hinge_m: float = 0.1
-    most: float = 0.8
-    beyond_m: float = 0.1
-    foot_m: float = 0.1
-    trusted_m: float = 0.04
+    passed_m: float = 1.0  # driving after which a picture no longer shows where the base can go [m]
+    carved: int = 4  # pictures of the head that the field of obstacles is carved from
+    near_m: float = 0.12  # a switch this close to a thing belongs to it [m]
+    face_px: int = 30  # things with fewer pixels are not searched for doors
+    explained_m: float = 0.025  # points this close to a thing's solids are its own [m]
+    roughly_m: float = 0.1  # the same for a thing remembered from before it was asked for [m]; shapes leave parts out
+    button_m: float = 0.02  # radius around a switch of what is touched with it [m]
+    fine_m: float = 0.6  # width of the finer field around the work place [m]
+    fine_cell_m: float = 0.01  # cell of that field [m]
+    ajar: float = 0.5  # a door open by more than this is remembered [ratio of its limit]
+    hinge_m: float = 0.1  # largest distance of two hinges of one door [m]
+    most: float = 0.8  # least height and width of a door that replaces it [ratio]
+    beyond_m: float = 0.1  # a view this far behind the remembered door ends it, too [m]
+    foot_m: float = 0.1  # parts of furniture that begin this close to the lowest one are its foot [m]
+    trusted_m: float = 0.04  # thickness of surfaces when hidden space is trusted [m]
 
 
 _LOOK = Looking()

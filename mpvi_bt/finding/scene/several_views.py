@@ -26,14 +26,10 @@ class Agreement:
     """When views agree.
 
     Our choice: a fit to depth pictures is off by less than a centimeter at 1 m.
-
-    Attributes:
-        drifted_m: Less than that views may differ without the odometry being to blame [m].
-        alone_px: A wrist's mask of as many pixels is believed against all others.
     """
 
-    drifted_m: float = 0.006
-    alone_px: int = 150
+    drifted_m: float = 0.006  # views may differ by less without an error of the odometry [m]
+    alone_px: int = 150  # a wrist's mask of this many pixels is believed against all others
 
 
 _AGREEMENT = Agreement()

@@ -14,21 +14,15 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class Sameness:
-    """When two things that were seen are one.
+    """When two sightings are of one thing.
 
-    Our choice: from one side, or from near, only a part of a thing is in view.
-
-    Attributes:
-        sampled: Points of a part are enough to say where that is.
-        shared: Of the length, width and height of the smaller one of two pieces of furniture [ratio],
-        alike: and of two other things [ratio]: bowls that stand in one another share less of their height.
-        outside_m: A leg may stand so far outside of what is seen of a table's top [m].
+    Our choice: from one side, or from nearby, only a part of a thing is in view.
     """
 
-    sampled: int = 500
-    shared: float = 0.6
-    alike: float = 0.8
-    outside_m: float = 0.05
+    sampled: int = 500  # points that are enough to place a part
+    shared: float = 0.6  # least shared part of the smaller one's length, width and height, for furniture [ratio]
+    alike: float = 0.8  # the same for two other things [ratio]; stacked bowls share less of their height
+    outside_m: float = 0.05  # a leg may stand this far outside of the visible top of a table [m]
 
 
 _SAME = Sameness()

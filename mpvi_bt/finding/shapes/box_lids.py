@@ -22,49 +22,29 @@ from mpvi_bt.ground.robot.collision import Surroundings
 
 @dataclass(frozen=True)
 class LidParameters:
-    """How a lid shows.
+    """How a lid is found.
 
     Our choice, by the boxes and laptops of the simulated houses: a lid is a sheet of about the size of what it closes.
-
-    Attributes:
-        bar_radius_m: Of the bar that it is held by [m].
-        sampled: Points are enough to tell whether something stands open.
-        slice_m: Of a lid, and of the cells across it [m]: wider than points of a lid seen on a slant are apart.
-        full: Slices of a lid fill that share of the usual one's cells [ratio]; before its bar there is a gap.
-        off_m: How far from a lid's edge bars reach, least and most [m].
-        long: How long bars are, least and most, of the lid's width [ratio],
-        off_middle: and how far from its middle, likewise [ratio].
-        bar_points: Of fewer no bar is made.
-        least_m: No lid is smaller, nor is what it closes lower [m].
-        level_m: From the face of a level lid to its points [m],
-        bar_below_m: and how far below that those of its bar are [m].
-        before_m: What is that far above the rim is not of the body [m].
-        own_m: Points this near a lid's solids are its own [m].
-        above: Share of a thing's points that may be above a lid that lies [ratio].
-        lowest_m: The body below a lid that stands open is as high, as that of a laptop [m].
-        at_edge_m: That near to an edge of the body a lid hangs [m].
-        as_deep: A lid's depth by that of the body, least and most [ratio],
-        as_wide: and its width, at least [ratio].
     """
 
-    bar_radius_m: float = 0.007
-    sampled: int = 3000
-    slice_m: float = 0.012
-    full: float = 0.5
-    off_m: tuple[float, float] = (0.022, 0.08)
-    long: tuple[float, float] = (0.15, 0.97)
-    off_middle: float = 0.15
-    bar_points: int = 6
-    least_m: float = 0.06
-    level_m: float = 0.010
-    bar_below_m: float = 0.03
-    before_m: float = 0.03
-    own_m: float = 0.02
-    above: float = 0.03
-    lowest_m: float = 0.015
-    at_edge_m: float = 0.06
-    as_deep: tuple[float, float] = (0.6, 1.5)
-    as_wide: float = 0.6
+    bar_radius_m: float = 0.007  # radius of the bar that it is held by [m]
+    sampled: int = 3000  # points that are enough to find an open lid
+    slice_m: float = 0.012  # width of a slice of a lid, and of a cell across it [m]; slanted points are no sparser
+    full: float = 0.5  # least filled cells of a lid's slice [ratio of the usual slice]; before its bar there is a gap
+    off_m: tuple[float, float] = (0.022, 0.08)  # least and largest standoff of a bar from the lid's edge [m]
+    long: tuple[float, float] = (0.15, 0.97)  # least and largest length of a bar [ratio of the lid's width]
+    off_middle: float = 0.15  # largest offset of a bar from the lid's middle [ratio of the lid's width]
+    bar_points: int = 6  # fewer points make no bar
+    least_m: float = 0.06  # least size of a lid, and least height of its container [m]
+    level_m: float = 0.010  # distance from the face of a level lid to its points [m]
+    bar_below_m: float = 0.03  # distance from that face down to points of its bar [m]
+    before_m: float = 0.03  # points this far above the rim are not of the body [m]
+    own_m: float = 0.02  # points this close to a lid's solids are its own [m]
+    above: float = 0.03  # largest share of a thing's points above a closed lid [ratio]
+    lowest_m: float = 0.015  # least height of the body below an open lid, such as that of a laptop [m]
+    at_edge_m: float = 0.06  # largest distance of the hinge from an edge of the body [m]
+    as_deep: tuple[float, float] = (0.6, 1.5)  # least and largest depth of a lid [ratio of the body's]
+    as_wide: float = 0.6  # least width of a lid [ratio of the body's]
 
 
 _LID = LidParameters()

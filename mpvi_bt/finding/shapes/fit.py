@@ -36,42 +36,24 @@ from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
 class FitParameters:
     """Which solid explains the points of a thing.
 
-    Our choice, by what matters to a hand and by the noise of depth from 1 m.
-
-    Attributes:
-        round: Share of its rectangle that an outline fills [ratio]: a disc has 0.79, a rectangle 1.
-        cornered: What fills more of its rectangle is not round [ratio].
-        wall_m: Of vessels [m].
-        furniture_m: What is longer than this is furniture: faces to put things on [m].
-        upright_m: Likewise what is higher [m].
-        tray_m: But what ends that low above the floor may be a wide basket or tray [m].
-        covered: Share of a vessel's opening in which something may be seen at the height of the rim [ratio].
-        slice_m: Of a thing, from above [m].
-        level_m: What is so near to the height that a cylinder stands on [m],
-        shown: and more points of it, is not seen through it,
-        within: but for its edge, of this share of the radius [ratio]: masks are rough, and round things jut out over
-            their feet.
-        staves: Boxes that the wall of a round vessel is made of.
-        least_points: Of fewer no solid is made.
-        flat_m: Points of flat sides are no farther from them, on the average [m].
-        hand_m: A hand goes around what is no wider [m].
+    Our choice, by the needs of a hand and by the noise of depth from 1 m.
     """
 
-    round: float = 0.88
-    cornered: float = 0.90
-    wall_m: float = 0.008
-    furniture_m: float = 0.55
-    upright_m: float = 0.9
-    tray_m: float = 0.25
-    covered: float = 0.3
-    slice_m: float = 0.01
-    level_m: float = 0.01
-    shown: int = 10
-    within: float = 0.85
-    staves: int = 16
-    least_points: int = 5
-    flat_m: float = 0.002
-    hand_m: float = 0.09
+    round: float = 0.88  # least filled part of a round outline's rectangle [ratio]; a disc has 0.79, a rectangle 1
+    cornered: float = 0.90  # an outline that fills more of its rectangle is not round [ratio]
+    wall_m: float = 0.008  # wall thickness of vessels [m]
+    furniture_m: float = 0.55  # a longer thing is furniture: faces to put things on [m]
+    upright_m: float = 0.9  # a higher thing is furniture [m]
+    tray_m: float = 0.25  # but a thing whose top is this low above the floor may be a wide basket or tray [m]
+    covered: float = 0.3  # largest covered part of a vessel's opening at the height of the rim [ratio]
+    slice_m: float = 0.01  # height of a slice of a thing, from above [m]
+    level_m: float = 0.01  # points this close to the height of a cylinder's support are level with it [m]
+    shown: int = 10  # more such points than this are not seen through the thing
+    within: float = 0.85  # radius within which they count [ratio]; masks are rough, and round things jut out over feet
+    staves: int = 16  # boxes in the wall of a round vessel
+    least_points: int = 5  # fewer points make no solid
+    flat_m: float = 0.002  # largest mean distance of points from a flat side [m]
+    hand_m: float = 0.09  # widest thing that a hand goes around [m]
 
 
 _FIT = FitParameters()

@@ -26,59 +26,34 @@ from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
 
 @dataclass(frozen=True)
 class FrontParameters:
-    """How a closed front with a bar shows.
+    """How a closed front with a bar is found.
 
     Our choice, by kitchen furniture: bars stand off by a few centimeters so that fingers fit behind them.
-
-    Attributes:
-        samples: Pairs of points that upright planes are tried through.
-        planes: Of one thing, at the most.
-        flat_m: Points this near a plane, beside the noise of depth, are on it [m].
-        least_points: Of a plane.
-        tall_m: Height of the bulk of an upright plane, at least [m].
-        explained: Share of the rest of a thing that has to lie behind a closed door [ratio].
-        off_m: How far a bar may stand off, least and most [m].
-        strip_m: Beside a bar, where the face that it stands on shows, from and to [m].
-        clear_m: From what is before a bar [m],
-        before: and how many points of it there may be for one of the bar [ratio].
-        cell_m: Of the grid in which points of a bar hang together [m].
-        bar_length_m: Least and most [m].
-        bar_width_m: At the most [m].
-        bar_radius_m: That is taken for it [m].
-        near_edge: Of a front's height: where a lying bar is near an edge [ratio].
-        drawer_m: A front that is lower and has a lying bar is a drawer [m].
-        ajar_rad: A hinged front that is open less is taken for closed [rad];
-        ajar_m: likewise a drawer [m].
-        widest_rad: No wider position of a hinge is tried [rad],
-        doubt: and each radian has to explain so much more of the points [ratio]: doors rarely stand wide open.
-        switch_points: Of fewer no switch is made.
-        beside_m: Of a button, from how far around it the surface is told [m].
-        flatness: Points that spread less through a surface than this share of along it tell its direction [ratio].
     """
 
-    samples: int = 300
-    planes: int = 4
-    flat_m: float = 0.010
-    least_points: int = 150
-    tall_m: float = 0.1
-    explained: float = 0.8
-    off_m: tuple[float, float] = (0.022, 0.095)
-    strip_m: tuple[float, float] = (0.012, 0.045)
-    clear_m: float = 0.2
-    before: float = 0.15
-    cell_m: float = 0.012
-    bar_length_m: tuple[float, float] = (0.07, 0.6)
-    bar_width_m: float = 0.05
-    bar_radius_m: float = 0.009
-    near_edge: float = 0.3
-    drawer_m: float = 0.42
-    ajar_rad: float = 0.12
-    ajar_m: float = 0.035
-    widest_rad: float = 2.1
-    doubt: float = 0.1
-    switch_points: int = 4
-    beside_m: float = 0.035
-    flatness: float = 0.35
+    samples: int = 300  # pairs of points that upright planes are tried through
+    planes: int = 4  # most planes of one thing
+    flat_m: float = 0.010  # points this close to a plane, beside the noise of depth, are on it [m]
+    least_points: int = 150  # least points of a plane
+    tall_m: float = 0.1  # least height of the bulk of an upright plane [m]
+    explained: float = 0.8  # least part of a thing's other points that lie behind a closed door [ratio]
+    off_m: tuple[float, float] = (0.022, 0.095)  # least and largest standoff of a bar [m]
+    strip_m: tuple[float, float] = (0.012, 0.045)  # distance from a bar in which its face shows, from and to [m]
+    clear_m: float = 0.2  # clearance of a bar from what is before it [m]
+    before: float = 0.15  # points allowed before a bar per point of the bar [ratio]
+    cell_m: float = 0.012  # cell of the grid in which points of a bar are joined [m]
+    bar_length_m: tuple[float, float] = (0.07, 0.6)  # least and largest length of a bar [m]
+    bar_width_m: float = 0.05  # largest width of a bar [m]
+    bar_radius_m: float = 0.009  # radius assumed for a bar [m]
+    near_edge: float = 0.3  # part of a front's height in which a lying bar is near an edge [ratio]
+    drawer_m: float = 0.42  # a lower front with a lying bar is a drawer [m]
+    ajar_rad: float = 0.12  # a hinged front that is open less is taken as closed [rad]
+    ajar_m: float = 0.035  # a drawer that is open less is taken as closed [m]
+    widest_rad: float = 2.1  # widest position of a hinge that is tried [rad]
+    doubt: float = 0.1  # part of the points that each radian has to explain in addition [ratio]; few doors open wide
+    switch_points: int = 4  # fewer points make no switch
+    beside_m: float = 0.035  # distance around a button in which its surface is measured [m]
+    flatness: float = 0.35  # largest spread through a surface, per spread along it, that tells its direction [ratio]
 
 
 _FRONT = FrontParameters()

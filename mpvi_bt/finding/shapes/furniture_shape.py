@@ -16,37 +16,23 @@ from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 
 @dataclass(frozen=True)
 class Boards:
-    """How the boards of furniture show.
+    """How boards of furniture are found.
 
     Our choice, by shelves of the simulated houses.
-
-    Attributes:
-        slab_m: Boards are that thick [m],
-        least_m: or less, where something is right below them [m].
-        headroom_m: What rises that high above a board makes a compartment of it [m].
-        hole_cell_m: Of the grid that openings are told by [m].
-        sunk_m: What is that much lower than a board is seen through it [m].
-        cell_m: Of the grid that faces are told by [m],
-        along: of half whose outline so much is seen at least [ratio], as of a rim the far two sides.
-        strip_cell_m: What is less than three of these wide is no face to put things on, but an edge [m].
-        mostly: A face of strips, such as the rim of a drawer that is seen in part, stays as it is [ratio].
-        level: Share of the points near a face's height that are on it [ratio].
-        under_m: What reaches over a board by less is not above it, such as the edge of a door that stands open [m].
-        walled: Share of a side along which furniture has to rise for a wall [ratio].
     """
 
-    slab_m: float = 0.025
-    least_m: float = 0.004
-    headroom_m: float = 0.12
-    hole_cell_m: float = 0.02
-    sunk_m: float = 0.05
-    cell_m: float = 0.03
-    along: float = 0.5
-    strip_cell_m: float = 0.02
-    mostly: float = 0.5
-    level: float = 0.5
-    under_m: float = 0.05
-    walled: float = 0.4
+    slab_m: float = 0.025  # thickness of a board [m]
+    least_m: float = 0.004  # thickness of a board with something right below it [m]
+    headroom_m: float = 0.12  # furniture that rises this high above a board makes a compartment of it [m]
+    hole_cell_m: float = 0.02  # cell of the grid that finds openings [m]
+    sunk_m: float = 0.05  # points this much lower than a board are seen through a hole in it [m]
+    cell_m: float = 0.03  # cell of the grid that finds faces [m]
+    along: float = 0.5  # least part of a half's outline that is seen [ratio], as of a rim its far two sides
+    strip_cell_m: float = 0.02  # a face narrower than three of these is an edge, not a place for things [m]
+    mostly: float = 0.5  # a face keeps its strips if less of it is broad, such as a drawer's rim seen in part [ratio]
+    level: float = 0.5  # share of the points near a face's height that are on it [ratio]
+    under_m: float = 0.05  # an overhang below this is not above the board, such as the edge of an open door [m]
+    walled: float = 0.4  # share of a side along which furniture has to rise for a wall [ratio]
 
 
 _BOARD = Boards()

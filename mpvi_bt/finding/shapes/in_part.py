@@ -12,21 +12,12 @@ from mpvi_bt.ground.geometry.solids import bounds
 
 @dataclass(frozen=True)
 class Parts:
-    """When a view shows but a part of what was known.
+    """When a view shows only a part of what was known."""
 
-    Our choice.
-
-    Attributes:
-        taller: Of two views of furniture, one so many times as tall as the other shows more of it.
-        in_view: Furniture of which less room is seen than that is only seen in part [ratio].
-        shrunk: A thing that seems so much smaller than before is partly hidden [ratio].
-        same_m: A vessel whose outside is seen that near to where it was stands there still [m].
-    """
-
-    taller: float = 1.3
-    in_view: float = 0.5
-    shrunk: float = 0.9
-    same_m: float = 0.015
+    taller: float = 1.3  # the view of furniture that is this many times as tall shows more of it; our choice
+    in_view: float = 0.5  # furniture with less of its room in view is only seen in part [ratio]; our choice
+    shrunk: float = 0.9  # a thing that seems this much smaller than before is partly hidden [ratio]; our choice
+    same_m: float = 0.015  # a vessel whose outside is seen this close to where it was has not moved [m]; our choice
 
 
 _PART = Parts()

@@ -15,27 +15,18 @@ from mpvi_bt.ground.geometry.solids import Array, Solid
 
 @dataclass(frozen=True)
 class Layers:
-    """How the body of something large is built of layers.
+    """How the body of a large thing is built of layers.
 
-    Our choice: a trunk and the crown above it, legs and the top upon them are told apart.
-
-    Attributes:
-        layer_m: Height of a layer [m].
-        cell_m: Of the grid in which points of a layer hang together [m];
-        thin_m: one point a cube of that edge is kept [m].
-        smaller: A rectangle that is turned covers less than so much of that along the axes [ratio].
-        least: Of fewer points nothing is made.
-        same_m: Parts of two layers whose outlines differ by less go on into each other [m].
-        foot_m: What is seen down to so near the floor stands on it [m]: its foot is hidden by its edge, or out of view.
+    Our choice: a trunk and its crown, or legs and their top, come apart.
     """
 
-    layer_m: float = 0.10
-    cell_m: float = 0.04
-    thin_m: float = 0.01
-    smaller: float = 0.9
-    least: int = 5
-    same_m: float = 0.04
-    foot_m: float = 0.25
+    layer_m: float = 0.10  # height of a layer [m]
+    cell_m: float = 0.04  # cell of the grid in which points of a layer are joined [m]
+    thin_m: float = 0.01  # edge of a cube in which one point is kept [m]
+    smaller: float = 0.9  # a turned rectangle is used if it covers less than this part of the upright one [ratio]
+    least: int = 5  # fewer points make no solid
+    same_m: float = 0.04  # parts of two layers whose outlines differ by less are joined [m]
+    foot_m: float = 0.25  # a thing seen down to this height stands on the floor [m]; its foot is hidden or out of view
 
 
 _LAYER = Layers()

@@ -15,23 +15,16 @@ from mpvi_bt.ground.geometry.solids import Array, Solid
 
 @dataclass(frozen=True)
 class PartSizes:
-    """What is taken for the sizes of doors, lids and drawers that are only seen from outside.
+    """Sizes assumed for doors, lids and drawers that are only seen from outside.
 
     Our choice: those of kitchen furniture.
-
-    Attributes:
-        panel_m: Thickness of a front [m].
-        upright_rad: How far doors and lids open [rad]; one that stands wider open opens as far as that.
-        flap_rad: Likewise doors that swing about a level hinge [rad].
-        slide_m: Likewise drawers [m].
-        deep_m: What shows behind a door once it is open, at the most [m].
     """
 
-    panel_m: float = 0.018
-    upright_rad: float = 1.6
-    flap_rad: float = 1.3
-    slide_m: float = 0.32
-    deep_m: float = 0.6
+    panel_m: float = 0.018  # thickness of a front [m]
+    upright_rad: float = 1.6  # limit of doors and lids [rad]; one that stands wider open has that opening as its limit
+    flap_rad: float = 1.3  # limit of doors that swing about a level hinge [rad]
+    slide_m: float = 0.32  # limit of drawers [m]
+    deep_m: float = 0.6  # largest depth behind an open door [m]
 
 
 PART = PartSizes()

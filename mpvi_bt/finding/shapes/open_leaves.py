@@ -25,75 +25,42 @@ from mpvi_bt.ground.robot.collision import Surroundings
 
 @dataclass(frozen=True)
 class LeafParameters:
-    """How what stands open shows, in front of the body that it belongs to.
+    """How an open door, lid or drawer in front of its body is found.
 
     Our choice, by furniture of the simulated houses seen from 1 to 2 m.
-
-    Attributes:
-        sampled: Points are enough.
-        turn_deg: From one heading of the front to the next [deg];
-        apart_deg: headings that are likely are so far apart [deg],
-        headings: and so many are tried.
-        row_m: Of rows in height [m],
-        rows: so many of which, the fullest, are its faces.
-        level: Rows that are so many times as full as the usual one are level faces.
-        slice_m: Of what is before a front [m].
-        least_points: Of anything that stands open.
-        body: A slice of the body has at least that share of the largest one's width times height [ratio].
-        dull: What explains as much without anything that stands open is the less likely: a side face, mostly [ratio].
-        before_m: What is that far before the front is not of the body [m].
-        reach_m: What reaches out less may be a bar, or a switch [m].
-        bars: Slices that bars reach out,
-        face: and how many times as full as one of them a face is.
-        thin_m: A slice of a sheet is thinner [m].
-        sheet_m: How near points are to a sheet [m],
-        on_sheet: and what share of them [ratio].
-        farthest_m: How far drawers come out, at the most [m];
-        rarer: a sheet that explains as much is the likelier [ratio].
-        as_tall: A drawer is not as tall as what it comes out of [ratio].
-        inner: Of an opening, without its rim [ratio].
-        least_rad: What is open less is not told from closed [rad].
-        most_rad: No upright door stands wider open [rad],
-        most_flap_rad: nor does a flap [rad].
-        bar_off_m: How far bars are from their faces [m].
-        alike: Cosine of directions that are alike.
-        shut: Of its limit: a front that is taken to be closed [ratio].
-        facing: Cosine, of fronts with the way to the eye.
-        beside_m: How far before a front the eye has to be to see what it shows [m].
-        deep_m: A body is deeper: a mere face may be anything [m].
     """
 
-    sampled: int = 6000
-    turn_deg: float = 1.0
-    apart_deg: float = 5.0
-    headings: int = 6
-    row_m: float = 0.015
-    rows: int = 2
-    level: float = 4.0
-    slice_m: float = 0.02
-    least_points: int = 60
-    body: float = 0.62
-    dull: float = 0.95
-    before_m: float = 0.03
-    reach_m: float = 0.12
-    bars: int = 5
-    face: float = 4.0
-    thin_m: float = 0.13
-    sheet_m: float = 0.025
-    on_sheet: float = 0.7
-    farthest_m: float = 0.45
-    rarer: float = 0.7
-    as_tall: float = 0.75
-    inner: float = 0.8
-    least_rad: float = 0.3
-    most_rad: float = 2.2
-    most_flap_rad: float = 1.75
-    bar_off_m: float = 0.12
-    alike: float = 0.95
-    shut: float = 0.1
-    facing: float = -0.3
-    beside_m: float = 0.05
-    deep_m: float = 0.12
+    sampled: int = 6000  # points that are enough
+    turn_deg: float = 1.0  # step between headings of the front [deg]
+    apart_deg: float = 5.0  # least angle between two likely headings [deg]
+    headings: int = 6  # headings that are tried
+    row_m: float = 0.015  # width of a row of points [m]
+    rows: int = 2  # the fullest rows, which are the body's faces
+    level: float = 4.0  # a row this many times as full as the usual one is a level face
+    slice_m: float = 0.02  # thickness of a slice along the front's direction [m]
+    least_points: int = 60  # least points of an open part
+    body: float = 0.62  # least width times height of a slice of the body [ratio of the largest slice]
+    dull: float = 0.95  # weight of an explanation without an open part [ratio]; it is mostly a side face
+    before_m: float = 0.03  # points this far before the front are not of the body [m]
+    reach_m: float = 0.12  # a part that reaches out less may be a bar or a switch [m]
+    bars: int = 5  # slices that bars reach out
+    face: float = 4.0  # a face is this many times as full as a slice of bars
+    thin_m: float = 0.13  # largest thickness of a slice of a sheet [m]
+    sheet_m: float = 0.025  # largest distance of points from their sheet [m]
+    on_sheet: float = 0.7  # least part of the points on the sheet [ratio]
+    farthest_m: float = 0.45  # farthest that a drawer comes out [m]
+    rarer: float = 0.7  # weight of a drawer that explains as much as a sheet [ratio]
+    as_tall: float = 0.75  # largest height of a drawer [ratio of its body's]
+    inner: float = 0.8  # part of an opening without its rim [ratio]
+    least_rad: float = 0.3  # a smaller opening looks closed [rad]
+    most_rad: float = 2.2  # widest opening of an upright door [rad]
+    most_flap_rad: float = 1.75  # widest opening of a flap [rad]
+    bar_off_m: float = 0.12  # largest distance of a bar from its face [m]
+    alike: float = 0.95  # least cosine of directions that are alike
+    shut: float = 0.1  # a front that is open less is taken as closed [ratio of its limit]
+    facing: float = -0.3  # least cosine of a front's direction with the direction to the eye
+    beside_m: float = 0.05  # least distance of the eye before a front that it sees [m]
+    deep_m: float = 0.12  # least depth of a body [m]; a mere face may be anything
 
 
 _LEAF = LeafParameters()

@@ -14,29 +14,19 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class Clusters:
-    """How points of one thing hang together.
+    """How points of one thing are joined.
 
-    Our choice, by how far apart pixels are on a surface at 1 to 2 m.
-
-    Attributes:
-        cell_m: Of the grid in which points hang together [m].
-        large_m: Of things that are so large [m]
-        large_cell_m: it is this one [m]: what holds a bail may be too thin to be seen.
-        huge_m: Of what is so long, or high [m],
-        part: parts that have such a share of the points belong to it, too [ratio].
-        around_m: From how far around a thing its support is told [m].
-        face: Of the points level with a thing's foot so many lie within 4 mm where they are those of a face [ratio];
-        little: where they are not, they are believed unless a face below them has ten times as many [ratio].
+    Our choice, by the distance of pixels on a surface at 1 to 2 m.
     """
 
-    cell_m: float = 0.015
-    large_m: float = 0.15
-    large_cell_m: float = 0.04
-    huge_m: float = 0.4
-    part: float = 0.1
-    around_m: float = 0.12
-    face: float = 0.45
-    little: float = 0.1
+    cell_m: float = 0.015  # cell of the grid in which points are joined [m]
+    large_m: float = 0.15  # size of a large thing [m]
+    large_cell_m: float = 0.04  # cell for large things [m]; the holder of a bail may be too thin to be seen
+    huge_m: float = 0.4  # length or height of a huge thing [m]
+    part: float = 0.1  # a huge thing also owns parts with this share of its points [ratio]
+    around_m: float = 0.12  # distance around a thing in which its support is looked for [m]
+    face: float = 0.45  # share of the points level with a thing's foot that lie within 4 mm on a true face [ratio]
+    little: float = 0.1  # other level points count if they have this part of the points of the fullest face [ratio]
 
 
 _CLUSTER = Clusters()

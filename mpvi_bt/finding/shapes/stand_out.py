@@ -14,31 +14,20 @@ from mpvi_bt.ground.geometry.solids import Array
 
 @dataclass(frozen=True)
 class Handles:
-    """What stands out of something round, such as a handle or a spout.
+    """Parts that stand out of a round thing, such as a handle or a spout.
 
     Our choice, by kettles, cups and pans.
-
-    Attributes:
-        trials: Of circles through three points.
-        radius_m: Of what a hand goes around, least and most [m].
-        off_m: From the circle to a point of its side, at the most, beside the grain of the picture [m].
-        round: At least so much of what is seen from the side bends with the circle [ratio].
-        share: Of all points stand out, least and most [ratio].
-        long_m: How far they stand out, at the most [m],
-        half_rad: and to either side of a bearing [rad].
-        sides: Bearings at the most,
-        least: and points of each at least.
     """
 
-    trials: int = 60
-    radius_m: tuple[float, float] = (0.02, 0.055)
-    off_m: float = 0.004
-    round: float = 0.65
-    share: tuple[float, float] = (0.02, 0.35)
-    long_m: float = 0.07
-    half_rad: float = 0.6
-    sides: int = 2
-    least: int = 5
+    trials: int = 60  # circles through three points that are tried
+    radius_m: tuple[float, float] = (0.02, 0.055)  # least and largest radius of a round part for a hand [m]
+    off_m: float = 0.004  # largest distance of a point of its side from the circle, beside the grain of the picture [m]
+    round: float = 0.65  # least part of the visible side that follows the circle [ratio]
+    share: tuple[float, float] = (0.02, 0.35)  # least and largest part of all points that stand out [ratio]
+    long_m: float = 0.07  # largest standoff of such a part [m]
+    half_rad: float = 0.6  # largest spread to either side of its bearing [rad]
+    sides: int = 2  # most bearings
+    least: int = 5  # least points of each bearing
 
 
 _HANDLE = Handles()

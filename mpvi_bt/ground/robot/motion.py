@@ -61,25 +61,17 @@ def smooth(u: float) -> float:
 
 @dataclass(frozen=True)
 class GripTimes:
-    """In what time a hand opens or closes.
+    """Durations of opening and closing a hand.
 
-    Our choice: slowly on a payload, as fast fingers bat light things away; faster with nothing between them.
-
-    Attributes:
-        take_s: On a payload that nothing else holds [s].
-        firm_s: On a bar, or off what stays where it is [s].
-        clear_s: Off whatever it may have got hold of when a motion failed [s].
-        empty_s: With nothing between the fingers [s].
-        preset_s: Of an open hand to another opening [s].
-        ready_s: Of a hand that should be open already [s].
+    Our choice: slow on a payload, as fast fingers bat light things away; faster with nothing between them.
     """
 
-    take_s: float = 0.67
-    firm_s: float = 0.5
-    clear_s: float = 0.4
-    empty_s: float = 0.3
-    preset_s: float = 0.2
-    ready_s: float = 0.1
+    take_s: float = 0.67  # on a payload that nothing else holds [s]
+    firm_s: float = 0.5  # on a bar, or off what stays where it is [s]
+    clear_s: float = 0.4  # off whatever it may hold when a motion failed [s]
+    empty_s: float = 0.3  # with nothing between the fingers [s]
+    preset_s: float = 0.2  # from one opening of an open hand to another [s]
+    ready_s: float = 0.1  # of a hand that should be open already [s]
 
 
 GRIP = GripTimes()

@@ -52,35 +52,23 @@ Step = tuple[Array, Array, Array, float]
 
 @dataclass(frozen=True)
 class Leading:
-    """How a place is led to its stance: what was let go of beside it cannot be taken back.
+    """How a proposed place is turned into motion; a payload released beside the place cannot be taken back.
 
-    A hand that is lower than the place is raised over it first, or what it holds would be stripped off by the container
-    or its table. Then the base drives there with the arm at rest; near its pose the hand goes over the place, then
+    A hand lower than the place is raised over it first; otherwise the container or its table would strip off the
+    payload. Then the base drives there with the arm at rest; near its pose the hand goes over the place, then
     down, opens only there, and goes up again. Our choice, by trials.
-
-    Attributes:
-        parked_m: The base stands at the stance if it is no farther off [m],
-        parked_rad: nor turned by more [rad].
-        drive_s: Its speed is the way that is left by this [s],
-        drive: and no more than that: x, y [m/s], yaw [rad/s].
-        near_m: From its pose the hand is led when it is nearer [m],
-        arm_rad: by so much a step and joint, at the most [rad].
-        beside_m: A hand that is so far aside of its pose [m]
-        over_m: goes so far above it first [m],
-        under_m: and one that is so far under that does before the base drives [m].
-        there_m: A hand may open that is no farther from its pose [m].
     """
 
-    parked_m: float = 0.03
-    parked_rad: float = 0.05
-    drive_s: float = 0.6
-    drive: tuple[float, float, float] = (0.4, 0.4, 0.8)
-    near_m: float = 0.45
-    arm_rad: float = 0.03
-    beside_m: float = 0.1
-    over_m: float = 0.12
-    under_m: float = 0.03
-    there_m: float = 0.04
+    parked_m: float = 0.03  # the base stands at the stance if it is no farther off [m]
+    parked_rad: float = 0.05  # and turned by no more [rad]
+    drive_s: float = 0.6  # the speed is the remaining way divided by this [s]
+    drive: tuple[float, float, float] = (0.4, 0.4, 0.8)  # largest speed: x, y [m/s], yaw [rad/s]
+    near_m: float = 0.45  # the hand is led when the base is closer to its pose [m]
+    arm_rad: float = 0.03  # largest change of a joint per step [rad]
+    beside_m: float = 0.1  # sideways distance of a hand from its pose above which it goes over first [m]
+    over_m: float = 0.12  # height of that way over the pose [m]
+    under_m: float = 0.03  # a hand this far below its pose rises before the base drives [m]
+    there_m: float = 0.04  # largest distance from its pose at which a hand may open [m]
 
 
 _LEAD = Leading()

@@ -39,17 +39,11 @@ _DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, so far fro
 
 @dataclass(frozen=True)
 class StanceRecovery:
-    """What is done about a stance that does not work out. The benchmark of hands leaves out one of these at a time.
+    """What is done about a stance that does not work out. The benchmark of hands leaves out one of these at a time."""
 
-    Attributes:
-        hypotheses: How many of the proposer's, the likeliest ones, are considered.
-        tries: Closings on nothing that another stance is proposed after; 0: nor is one where nothing moves.
-        rebases: Whether the stance is solved anew where the base has come to rest a little off.
-    """
-
-    hypotheses: int = HYPOTHESES
-    tries: int = 5
-    rebases: bool = True
+    hypotheses: int = HYPOTHESES  # most likely hypotheses of the proposer that are considered
+    tries: int = 5  # closings on nothing before another stance is proposed; with 0, none for a stuck hand either
+    rebases: bool = True  # whether the stance is solved anew if the base has come to rest a little off
 
 
 RECOVERY = StanceRecovery()

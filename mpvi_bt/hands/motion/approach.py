@@ -24,25 +24,14 @@ LEGS = 2  # our choice: drives around what is out of reach
 
 @dataclass(frozen=True)
 class Approach:
-    """How a stance is gone to.
+    """How a stance is approached."""
 
-    Our choice.
-
-    Attributes:
-        looks: At a thing that is only seen, with a drive between two.
-        spared: Of what a search takes, for the one that gives hidden space the benefit of the doubt [ratio].
-        pause_s: To earn what a search takes [s]: one that fails as it may take no more has not looked everywhere.
-        refined: Options near the planned one that a correction may take instead.
-        corrected: How far such a one may be off, see `_apart`.
-        inward_m_s: Base speed with the arm stretched out [m/s].
-    """
-
-    looks: int = 4
-    spared: float = 0.5
-    pause_s: float = 10.0
-    refined: int = 10
-    corrected: float = 0.8
-    inward_m_s: float = 0.25
+    looks: int = 4  # looks at a thing that is only seen, with a drive between two; our choice
+    spared: float = 0.5  # part of the effort kept for the search that trusts hidden space [ratio]; our choice
+    pause_s: float = 10.0  # wait before a new search, to earn its effort [s]; short searches see too little; our choice
+    refined: int = 10  # candidates near the planned one that a correction may take instead; our choice
+    corrected: float = 0.8  # largest distance of such a candidate, see `_apart`; our choice
+    inward_m_s: float = 0.25  # base speed with the arm stretched out [m/s]; our choice
 
 
 APPROACH = Approach()
@@ -50,21 +39,12 @@ APPROACH = Approach()
 
 @dataclass(frozen=True)
 class Feeling:
-    """How a hand feels its way onto something.
+    """How a hand feels its way onto something."""
 
-    Our choice.
-
-    Attributes:
-        speed_m_s: Speed of the hand until something stops it [m/s]: a faster one pushes what it meets farther.
-        back_m_s: Speed of the hand that draws back from what it has touched [m/s].
-        calm_s: Rest before it [s]: an arm that still swings from its last motion feels contacts that are none.
-        pressed_s: How long a switch is pressed [s]: twice as long as it takes to turn (`sim.switches.PRESSED_STEPS`).
-    """
-
-    speed_m_s: float = 0.06
-    back_m_s: float = 0.12
-    calm_s: float = 0.4
-    pressed_s: float = 0.4
+    speed_m_s: float = 0.06  # speed of the hand until something stops it [m/s]; a faster one pushes more; our choice
+    back_m_s: float = 0.12  # speed of the hand that retreats from what it has touched [m/s]; our choice
+    calm_s: float = 0.4  # rest before it [s]; an arm that still swings feels false contacts; our choice
+    pressed_s: float = 0.4  # duration of a press [s]; a switch needs half (`sim.switches.PRESSED_STEPS`); our choice
 
 
 FEEL = Feeling()

@@ -22,24 +22,17 @@ from mpvi_bt.hands.motion.work import Work
 
 @dataclass(frozen=True)
 class InStep:
-    """How both hands move at once, with a box between them or as they let go of it.
+    """How both hands move at once, with a box between them or as they release it.
 
     Our choice, by boxes, baskets and trays of the tasks.
-
-    Attributes:
-        closing_m_s: Speed of each hand as it closes in, or draws off [m/s]: the first to touch hardly shifts the box.
-        raise_s_m: Time in which the arms raise it by a meter [s/m].
-        short_m: A lift that the trunk leaves short by more is finished by the arms [m].
-        outward_m: How far each hand draws off sideways to let go [m].
-        loose_m: Hands that have moved apart by less still hold the box [m].
-        shares: Parts of a motion of both hands that are tried, where the arms cannot go all of it [ratio].
     """
 
-    closing_m_s: float = 0.12
-    raise_s_m: float = 5.0
-    short_m: float = 0.004
-    outward_m: float = 0.07
-    loose_m: float = 0.05
+    closing_m_s: float = 0.12  # speed of each hand that closes in or draws off [m/s]; slow, so the box hardly shifts
+    raise_s_m: float = 5.0  # time for the arms to raise the box by a meter [s/m]
+    short_m: float = 0.004  # the arms finish a lift that the trunk leaves short by more [m]
+    outward_m: float = 0.07  # sideways retreat of each hand to release the box [m]
+    loose_m: float = 0.05  # hands that have moved apart by less still hold the box [m]
+    # parts of a motion of both hands that are tried, if the arms cannot go all of it [ratio]
     shares: tuple[float, ...] = (1.0, 0.75, 0.5, 0.25)
 
 
@@ -51,24 +44,15 @@ class Bending:
     """How the body bends and straightens up with a box before it.
 
     Our choice: a grid over the trunk's range; the arms keep the hands level and have to reach them from there.
-
-    Attributes:
-        pitches_rad: Pitches of the trunk, the most upright first [rad].
-        upright_rad: Pitches of a trunk that carries a box, or looks over one [rad].
-        lifts_m: Lifts of the trunk, the most comfortable first [m].
-        folded_m: Least lift while hands are folded before a bent trunk [m]: lower, they would meet the base.
-        carry_m: Height of the hands above the floor to carry at, if the arms get there [m],
-        shares: and parts of the way there, where they do not [ratio].
-        steeper_rad: Least gain in how steeply the head looks down over a box [rad]: for less the trunk is not bent.
     """
 
-    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
-    upright_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8)
-    lifts_m: tuple[float, ...] = (0.3, 0.42, 0.2, 0.55, 0.1)
-    folded_m: float = 0.06
-    carry_m: float = 0.62
-    shares: tuple[float, ...] = (1.0, 0.6, 0.3)
-    steeper_rad: float = 0.1
+    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)  # pitches of the trunk, most upright first [rad]
+    upright_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8)  # pitches of a trunk behind a box [rad]
+    lifts_m: tuple[float, ...] = (0.3, 0.42, 0.2, 0.55, 0.1)  # lifts of the trunk, the most comfortable first [m]
+    folded_m: float = 0.06  # least lift with hands folded before a bent trunk [m]; lower, they would meet the base
+    carry_m: float = 0.62  # height of the hands above the floor while carrying [m]
+    shares: tuple[float, ...] = (1.0, 0.6, 0.3)  # parts of the way to that height, if the arms cannot go on [ratio]
+    steeper_rad: float = 0.1  # least gain in the head's downward view over a box for which the trunk bends [rad]
 
 
 BENDING = Bending()

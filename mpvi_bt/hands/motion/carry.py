@@ -24,38 +24,24 @@ from mpvi_bt.hands.stance.site import base_clear
 
 @dataclass(frozen=True)
 class CarryParameters:
-    """How things are carried.
+    """How payloads are carried.
 
-    Our choice: what is carried keeps from what stands around, if it can, for arms give way, and what hooks on a chair
-    is lost.
-
-    Attributes:
-        fold_clear_m: What is between the checks of a path may come that much nearer [m].
-        back_m: To back off by [m],
-        back_rad: from straight back [rad],
-        aside_rad: and where none of it is free [rad]: out of a trunk that it stands obliquely before.
-        step_m: To step back by, after a failure [m].
-        shrunk_m: A load is taken to be that much smaller than the room around it [m].
-        out_rad: Off its posture for traveling an empty arm is out [rad].
-        drawn_m: Along its fingers, off what it may have let go of a moment ago [m].
-        height_m: Of what is carried, above the floor [m].
-        clear_m: That it keeps from what stands around, the best first [m].
-        checked: Poses of the hand that are checked,
-        swung: and planned for, each at length.
+    Our choice: a payload keeps clear of things around it if it can; arms give way, and what hooks on a chair is lost.
     """
 
-    fold_clear_m: float = 0.02
-    back_m: tuple[float, float] = (0.35, 0.2)
-    back_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5)
+    fold_clear_m: float = 0.02  # closer clearance allowed between two checks of a path [m]
+    back_m: tuple[float, float] = (0.35, 0.2)  # distances to back off [m]
+    back_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5)  # directions of backing off, from straight back [rad]
+    # directions if none of those is free, as before a trunk that stands obliquely [rad]
     aside_rad: tuple[float, ...] = (0.8, -0.8, 1.1, -1.1)
-    step_m: float = 0.15
-    shrunk_m: float = 0.001
-    out_rad: float = 0.05
-    drawn_m: tuple[float, float] = (0.12, 0.06)
-    height_m: float = 0.80
-    clear_m: tuple[float, float] = (0.03, 0.0)
-    checked: int = 25
-    swung: int = 3
+    step_m: float = 0.15  # step back after a failure [m]
+    shrunk_m: float = 0.001  # a load is taken to be this much smaller than the room around it [m]
+    out_rad: float = 0.05  # an empty arm this far off its posture for traveling is out [rad]
+    drawn_m: tuple[float, float] = (0.12, 0.06)  # retreat along the fingers from a payload just released [m]
+    height_m: float = 0.80  # height of a payload above the floor [m]
+    clear_m: tuple[float, float] = (0.03, 0.0)  # clearances of a payload, the best first [m]
+    checked: int = 25  # hand poses that are checked
+    swung: int = 3  # hand poses that a long motion is planned for
 
 
 _CARRY = CarryParameters()

@@ -20,44 +20,26 @@ from mpvi_bt.hands.stance.course import Course, CourseStart
 
 @dataclass(frozen=True)
 class Following:
-    """How the whole robot goes along a course.
+    """How the whole robot follows a course.
 
-    Our choice: so slowly that friction holds what is led.
-
-    Attributes:
-        base_gain: [1/s]; without the velocity of its goal fed forward the base would trail by a third of it.
-        base_speed_m_s: At the most [m/s].
-        hand_speed_m_s: At the most [m/s].
-        turn_speed_rad_s: Of the base, at the most [rad/s].
-        step_rad: That a joint's target may move a step [rad].
-        leap_rad: More is another elbow [rad].
-        settling_steps: At the end of a course.
-        lost_steps: A hand that has been out of reach for so long has lost the course.
-        off_m: What a hand is drawn back by, off what its fingers stand around [m].
-        level: Of the length of its approach, seen from above [ratio]: one that points down more steeply is raised
-            instead.
-        between_m: From the middle between open fingers to either side [m].
-        touched_m: That a hand is held off by what it touches [m].
-        astray_m: A base that far from its goal is held up by something [m],
-        back: and goes back so much of the course [ratio].
-        pushing: So many times slower is a hand that pushes: a base that trails it leads a stretched arm astray.
+    Our choice: slow enough that friction holds what is led.
     """
 
-    base_gain: float = 3.0
-    base_speed_m_s: float = 0.28
-    hand_speed_m_s: float = 0.30
-    turn_speed_rad_s: float = 0.6
-    step_rad: float = 0.12
-    leap_rad: float = 0.6
-    settling_steps: int = 15
-    lost_steps: int = 5
-    off_m: float = 0.15
-    level: float = 0.3
-    between_m: float = 0.03
-    touched_m: float = 0.005
-    astray_m: float = 0.12
-    back: float = 0.2
-    pushing: float = 1.6
+    base_gain: float = 3.0  # gain of the base [1/s]; without feed-forward of the goal's velocity it trails by a third
+    base_speed_m_s: float = 0.28  # largest speed of the base [m/s]
+    hand_speed_m_s: float = 0.30  # largest speed of the hand [m/s]
+    turn_speed_rad_s: float = 0.6  # largest turning speed of the base [rad/s]
+    step_rad: float = 0.12  # largest move of a joint's target per step [rad]
+    leap_rad: float = 0.6  # joint change above which the elbow flips [rad]
+    settling_steps: int = 15  # steps at the end of a course
+    lost_steps: int = 5  # a hand out of reach for this many steps has lost the course
+    off_m: float = 0.15  # retreat of a hand from what its fingers stand around [m]
+    level: float = 0.3  # least horizontal part of the approach [ratio]; a steeper hand is raised instead
+    between_m: float = 0.03  # from the middle between open fingers to either side [m]
+    touched_m: float = 0.005  # distance that a touched thing holds a hand off its target [m]
+    astray_m: float = 0.12  # a base this far from its goal is held up [m]
+    back: float = 0.2  # it then goes back this part of the course [ratio]
+    pushing: float = 1.6  # a pushing hand is this many times slower; a base that trails it leads a stretched arm astray
 
 
 FOLLOW = Following()

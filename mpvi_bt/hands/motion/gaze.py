@@ -23,27 +23,17 @@ from mpvi_bt.hands.motion.work import NEAR_M, Work
 class Gaze:
     """How the head looks.
 
-    Our choice, by what its camera has in view.
-
-    Attributes:
-        up_rad: From a look at a thing to one above it [rad],
-        down_rad: and to one below what is high up [rad].
-        floor_rad: Tilt that shows the floor ahead [rad].
-        eyes_m: A thing that much above the lift's height is well before the eyes [m].
-        still: What base and joints may move while they stand [m, rad].
-        level_rad: A head that is tilted less does not see the floor before it [rad].
-        hands_rad: So far down from the chest's horizon the head sees past the folded hands [rad].
-        dip_m: Room below hanging hands to leave a low posture by [m].
+    Our choice, by the view of its camera.
     """
 
-    up_rad: float = 0.5
-    down_rad: float = 0.65
-    floor_rad: float = 0.9
-    eyes_m: float = 0.80
-    still: float = 0.01
-    level_rad: float = 0.3
-    hands_rad: float = 0.9
-    dip_m: float = 0.06
+    up_rad: float = 0.5  # turn from a look at a thing to a look above it [rad]
+    down_rad: float = 0.65  # turn to a look below a thing that is high up [rad]
+    floor_rad: float = 0.9  # tilt that shows the floor ahead [rad]
+    eyes_m: float = 0.80  # a thing this much above the lift's height is well before the eyes [m]
+    still: float = 0.01  # motion of the base and of joints that stand still [m, rad]
+    level_rad: float = 0.3  # a head tilted less than this does not see the floor before it [rad]
+    hands_rad: float = 0.9  # tilt from the chest's horizon that sees past the folded hands [rad]
+    dip_m: float = 0.06  # room below hanging hands to leave a low posture [m]
 
 
 _GAZE = Gaze()

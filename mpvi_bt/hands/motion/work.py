@@ -32,17 +32,12 @@ _RISES = (1.0, 0.5, 0.25)  # our choice: shares of it, where a board hangs low
 class Nearness:
     """What is near, and what lies where.
 
-    Our choice, by how far boxes about things are off.
-
-    Attributes:
-        base_m: Spheres of the base are larger, and reach into the floor [m].
-        beside_m: Of a sphere: what is that near is what it meets [m].
-        on_m: What lies on a thing is as much above its top, or below its bottom, at the most [m].
+    Our choice, by errors of boxes about things.
     """
 
-    base_m: float = 0.2
-    beside_m: float = 0.03
-    on_m: float = 0.03
+    base_m: float = 0.2  # added radius of the base's spheres, which then reach into the floor [m]
+    beside_m: float = 0.03  # a thing this close to a sphere is what it meets [m]
+    on_m: float = 0.03  # a thing on another one is at most this far above its top, or below its bottom [m]
 
 
 _WORK = Nearness()

@@ -22,24 +22,12 @@ from mpvi_bt.hands.stance.site import base_clear
 
 @dataclass(frozen=True)
 class LookingAround:
-    """Where the robot looks, and goes to, while it looks for something.
+    """Where the robot looks, and drives to, while it searches.
 
-    Our choice: what it is to work on is ahead, mostly.
-
-    Attributes:
-        looks: Lift [m] and tilt of the head [rad], of a body that holds nothing: down, near, ahead, and from low down
-            and high up into compartments.
-        turns: Turns of the base from where it came [rad], each with how many of the looks are taken there.
-        elsewhere: How many of the looks are taken at each place that it strolls to,
-        again: and at another side of a place that it has looked at before.
-        before_m: Distance of the robot from what it is to work on, as navigation hands over [m].
-        around_rad: Other bearings that this place is looked at from [rad].
-        farther_m: Distances to look at it from, where nothing nearer can be reached [m].
-        strolls: Places at random that it goes to after that,
-        stroll_m: nearest and farthest from where it stands [m].
-        step_m: Distance between two checks of the way [m].
+    Our choice: the work is mostly ahead.
     """
 
+    # lift [m] and tilt of the head [rad], with empty hands: down, near, ahead, and into compartments low and high
     looks: tuple[tuple[float, float], ...] = (
         (0.42, 0.55),
         (0.42, 0.95),
@@ -48,15 +36,16 @@ class LookingAround:
         (0.05, -0.10),
         (0.55, -0.30),
     )
+    # turns of the base from its first heading [rad], each with its number of looks
     turns: tuple[tuple[float, int], ...] = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
-    elsewhere: int = 4
-    again: int = 3
-    before_m: float = 0.9
-    around_rad: tuple[float, ...] = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)
-    farther_m: tuple[float, ...] = (1.3, 1.8)
-    strolls: int = 40
-    stroll_m: tuple[float, float] = (0.5, 1.5)
-    step_m: float = 0.15
+    elsewhere: int = 4  # looks at each place that it strolls to
+    again: int = 3  # looks at another side of a known place
+    before_m: float = 0.9  # distance of the robot from the work place, as navigation hands over [m]
+    around_rad: tuple[float, ...] = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)  # other bearings of looks at this place [rad]
+    farther_m: tuple[float, ...] = (1.3, 1.8)  # distances to look at it from, if nothing nearer can be reached [m]
+    strolls: int = 40  # random places that it drives to after that
+    stroll_m: tuple[float, float] = (0.5, 1.5)  # least and largest distance of such a place [m]
+    step_m: float = 0.15  # distance between two checks of the way [m]
 
 
 _LOOK = LookingAround()

@@ -29,29 +29,16 @@ from mpvi_bt.hands.stance.grasps import grasps
 
 @dataclass(frozen=True)
 class Persistence:
-    """How long, and how often, the policy goes on with a prompt.
+    """How long, and how often, the policy goes on with a prompt."""
 
-    Our choice.
-
-    Attributes:
-        patience_s: Pause in which whoever judges it can say that it is done [s]: a trigger fires sooner,
-        idle_s: and sooner than this about a robot that only looks [s].
-        past_rad: Turns of the base, one after the other, to look past what is carried [rad].
-        attempts: Attempts at one skill.
-        rounds: Attempts at a whole prompt.
-        shown: Times that a filled container is held out to be seen.
-        checks: Base poses that the searches for a prompt may check at the start,
-        earned: and so many more with every step: planning keeps well ahead of playing.
-    """
-
-    patience_s: float = 2.0
-    idle_s: float = 3.5
-    past_rad: tuple[float, ...] = (0.4, -0.8, 0.4)
-    attempts: int = 4
-    rounds: int = 3
-    shown: int = 3
-    checks: float = 300.0
-    earned: float = 6.0 / CONTROL_HZ
+    patience_s: float = 2.0  # pause in which the checker can confirm completion [s]; a trigger fires sooner; our choice
+    idle_s: float = 3.5  # the same for a robot that only looks [s]; our choice
+    past_rad: tuple[float, ...] = (0.4, -0.8, 0.4)  # turns of the base to look past the payload [rad]; our choice
+    attempts: int = 4  # attempts at one skill; our choice
+    rounds: int = 3  # attempts at a whole prompt; our choice
+    shown: int = 3  # times that a filled container is held out to be seen; our choice
+    checks: float = 300.0  # base poses that the searches for a prompt may check at the start; our choice
+    earned: float = 6.0 / CONTROL_HZ  # base poses added with every step; planning keeps ahead of playing; our choice
 
 
 _PERSIST = Persistence()

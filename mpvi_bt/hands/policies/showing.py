@@ -23,21 +23,12 @@ _WHERE = ("container", "surface", "target", "object")  # slots that name what to
 
 @dataclass(frozen=True)
 class Showing:
-    """Where what has been done is looked at from.
+    """Where the result of the work is looked at from."""
 
-    Our choice.
-
-    Attributes:
-        from_m: Distances from the middle of a thing to look into it from [m],
-        from_rad: and bearings, off the present one [rad].
-        step_m: Distance between two checks of the way there [m].
-        beside_m: Largest distance from a container's box to a thing that was dropped and missed it [m].
-    """
-
-    from_m: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8)
-    from_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
-    step_m: float = 0.1
-    beside_m: float = 0.15
+    from_m: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8)  # distances of a look into a thing from its middle [m]; our choice
+    from_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)  # bearings of these looks [rad]; our choice
+    step_m: float = 0.1  # distance between two checks of the way there [m]; our choice
+    beside_m: float = 0.15  # largest distance from a container's box to a dropped thing that missed it [m]; our choice
 
 
 _SHOW = Showing()

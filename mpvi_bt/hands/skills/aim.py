@@ -28,25 +28,15 @@ from mpvi_bt.hands.stance.stance import Option
 
 @dataclass(frozen=True)
 class Aiming:
-    """How a tool is aimed at a thing.
+    """How a tool is aimed at a thing."""
 
-    Our choice.
-
-    Attributes:
-        ahead_m: Distances from the middle of the tool to the surface that it is aimed at [m].
-        heights_m: Heights of the tool above the floor, the most comfortable first [m].
-        height_cost: Added cost of each next height.
-        ways: Directions that a thing is aimed at from.
-        back_m: Standoff of the hand before and after it [m].
-        sprayed_s: How long a thing is sprayed [s].
-    """
-
-    ahead_m: tuple[float, ...] = (0.3, 0.45)
+    ahead_m: tuple[float, ...] = (0.3, 0.45)  # distances from the middle of the tool to the target [m]; our choice
+    # heights of the tool above the floor, the most comfortable first [m]; our choice
     heights_m: tuple[float, ...] = (0.9, 0.75, 1.05, 0.6, 1.2)
-    height_cost: float = 0.1
-    ways: int = 16
-    back_m: float = 0.05
-    sprayed_s: float = 3.0
+    height_cost: float = 0.1  # added cost of each next height; our choice
+    ways: int = 16  # directions that a thing is aimed at from; our choice
+    back_m: float = 0.05  # standoff of the hand before and after aiming [m]; our choice
+    sprayed_s: float = 3.0  # duration of spraying [s]; our choice
 
 
 _AIM = Aiming()

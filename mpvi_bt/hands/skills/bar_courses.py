@@ -15,25 +15,15 @@ from mpvi_bt.hands.stance.course import Course
 
 @dataclass(frozen=True)
 class BarGrip:
-    """How a bar is held while what it belongs to is led along.
+    """How a hand holds a bar while it leads a door, lid or drawer."""
 
-    Our choice.
-
-    Attributes:
-        short_m: Standoff of the open hand before the bar [m].
-        along: Places to hold the bar, from its middle [ratio of its length].
-        along_cost: Cost of each bar's length off the middle.
-        turns: How far the hand turns along with a door [ratio of its angle]: at half, the base turns as much.
-        lid_turns: The same for a lid: fingers hold a bar fast, and what stands loose would tilt with the hand.
-        turn_cost: Cost of each unit off the first of these.
-    """
-
-    short_m: float = 0.11
-    along: tuple[float, ...] = (0.0, 0.3, -0.3)
-    along_cost: float = 0.5
-    turns: tuple[float, ...] = (0.5, 0.3, 0.7)
+    short_m: float = 0.11  # standoff of the open hand before the bar [m]; our choice
+    along: tuple[float, ...] = (0.0, 0.3, -0.3)  # grip places, from the bar's middle [ratio of its length]; our choice
+    along_cost: float = 0.5  # cost of each bar length off the middle; our choice
+    turns: tuple[float, ...] = (0.5, 0.3, 0.7)  # hand turn per door turn [ratio]; half is the base's; our choice
+    # hand turn per lid turn [ratio]; fingers hold fast, and a loose box would tilt with the hand; our choice
     lid_turns: tuple[float, ...] = (1.0, 0.85, 0.7)
-    turn_cost: float = 2.0
+    turn_cost: float = 2.0  # cost of each unit off the first of `turns`; our choice
 
 
 _GRIP = BarGrip()

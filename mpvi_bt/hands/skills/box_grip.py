@@ -28,24 +28,15 @@ class Squeeze:
     """Where a box is pressed between two open hands.
 
     Our choice, by boxes, baskets and trays of the tasks.
-
-    Attributes:
-        widest_m: Widest box that goes between the arms [m]. The narrowest is as wide as one hand opens.
-        height: Height at which its sides are pressed [ratio of its height]: a little over its middle, so that it hangs,
-        lowest_m: but no lower than this, for the fingers' sake [m].
-        low_m: A box that is lower is taken with hands that point down [m],
-        slant_rad: at least this far from level [rad]: a tip broader than the side presses on its edge and slips.
-        edge_m: Clearance of a fingertip from what the box stands on, and from the upper edge of its side [m].
-        wide_m: Clearance of each hand from its side before both close in [m]: the base stands no more precisely.
     """
 
-    widest_m: float = 0.46
-    height: float = 0.55
-    lowest_m: float = 0.05
-    low_m: float = 0.07
-    slant_rad: float = 0.75
-    edge_m: float = 0.005
-    wide_m: float = 0.05
+    widest_m: float = 0.46  # widest box that goes between the arms [m]; the narrowest is as wide as one hand opens
+    height: float = 0.55  # height at which its sides are pressed [ratio of its height]; above half, so that it hangs
+    lowest_m: float = 0.05  # least height of the hands, for the fingers' sake [m]
+    low_m: float = 0.07  # a lower box is taken with hands that point down [m]
+    slant_rad: float = 0.75  # their least angle from level [rad]; a tip broader than the side slips on its edge
+    edge_m: float = 0.005  # clearance of a fingertip from the support of the box, and from its side's upper edge [m]
+    wide_m: float = 0.05  # clearance of each hand from its side before both close in [m]; the base is no more precise
 
 
 _SQUEEZE = Squeeze()
@@ -53,50 +44,33 @@ _SQUEEZE = Squeeze()
 
 @dataclass(frozen=True)
 class TwoHandedStances:
-    """Which base poses, torsos and postures of both arms are looked at to take a box.
+    """Which base poses, torsos and postures of both arms are searched to take a box.
 
     Our choice: as many as keep a search below some seconds, the nearest first.
-
-    Attributes:
-        places_m: Distance from the middle of the base ahead to the near side of the box, and left to its middle [m].
-        rare_places_m: The same, looked at where there is no room for any of the others.
-        best_m: Most comfortable distance ahead [m];
-        off_best: each meter off it costs as much as this many meters of driving,
-        turn_m: and each radian of turning as this many [m].
-        back_m: Run-up of the base, straight in; the longest for which there is room [m].
-        been_m: A base pose this near to one that failed fails, too [m],
-        been_rad: if it is turned alike up to this [rad].
-        bases: Base poses that are checked for postures of both arms,
-        torsos: torsos of each base pose,
-        postures: and postures of each arm for each torso.
-        swivels: Positions of each elbow.
-        arm_cost: Cost of each radian that a joint is off its posture for traveling.
-        pitch_cost: Cost of each radian that the trunk is bent,
-        lift_gain: less so much for each meter that it is raised.
-        margin_m: Clearance of the arms while they form behind the box [m].
-        legs: Drives around a thing, to where its far sides are known.
     """
 
+    # distance from the middle of the base ahead to the near side of the box, and left to its middle [m]
     places_m: tuple[tuple[float, float], ...] = tuple(product((0.31, 0.35, 0.39, 0.43, 0.47), (0.0, 0.05, -0.05)))
+    # the same, used if there is no room for any of the others [m]
     rare_places_m: tuple[tuple[float, float], ...] = (
         *product((0.52, 0.57, 0.62), (0.0, 0.05, -0.05, 0.1, -0.1)),
         *product((0.31, 0.35, 0.39, 0.43, 0.47), (0.1, -0.1)),
     )
-    best_m: float = 0.37
-    off_best: float = 1.5
-    turn_m: float = 0.4
-    back_m: tuple[float, ...] = (0.4, 0.3, 0.2)
-    been_m: float = 0.03
-    been_rad: float = 0.3
-    bases: int = 24
-    torsos: int = 8
-    postures: int = 6
-    swivels: int = 16
-    arm_cost: float = 0.05
-    pitch_cost: float = 0.6
-    lift_gain: float = 0.2
-    margin_m: float = 0.01
-    legs: int = 3
+    best_m: float = 0.37  # most comfortable distance ahead [m]
+    off_best: float = 1.5  # cost of each meter off it [m of driving]
+    turn_m: float = 0.4  # cost of each radian of turning [m of driving]
+    back_m: tuple[float, ...] = (0.4, 0.3, 0.2)  # run-up of the base, straight in; the longest with room [m]
+    been_m: float = 0.03  # base poses this close to one that failed are skipped [m]
+    been_rad: float = 0.3  # the same if turned alike up to this [rad]
+    bases: int = 24  # base poses that are checked for postures of both arms
+    torsos: int = 8  # torsos of each base pose
+    postures: int = 6  # postures of each arm for each torso
+    swivels: int = 16  # positions of each elbow
+    arm_cost: float = 0.05  # cost of each radian that a joint is off its posture for traveling
+    pitch_cost: float = 0.6  # cost of each radian of the trunk's pitch
+    lift_gain: float = 0.2  # gain of each meter that the trunk is raised
+    margin_m: float = 0.01  # clearance of the arms while they form behind the box [m]
+    legs: int = 3  # drives around a thing, to where its far sides are known
 
 
 _STANCES = TwoHandedStances()

@@ -31,40 +31,25 @@ from mpvi_bt.hands.stance.course import Course, CourseStart
 
 @dataclass(frozen=True)
 class Shutting:
-    """When a door is closed, by sight and by what the fist feels that pushes it.
+    """When a door is closed, by sight and by what the pushing fist feels.
 
-    Our choice. In an exact scene contact only confirms that a door is shut. Where a door is only seen, place and angle
+    Our choice. In an exact scene contact only confirms that a door is shut. If a door is only seen, place and angle
     are off, and the fist goes on until something stops it.
-
-    Attributes:
-        doors: Doors that one call closes, at the most.
-        closed: A door that is open by less counts as closed [ratio of its limit].
-        facing: Cosine between the outward directions of two fronts that are on the same side of a thing.
-        same_m: A door whose middle is still this near to where it was has not moved [m].
-        nearly: In an exact scene, progress of the push from which the door may be shut [ratio].
-        exact_m: There, how far a door that is shut holds the fist off its target [m].
-        unsure_rad: For a hinged door that is only seen, how far past the closed position the target is [rad],
-        unsure_m: and for a drawer that is only seen [m].
-        moving: Progress from which a door that is only seen may be shut [ratio]: it resists as it begins to move, too.
-        stopped_m: How far such a door, once shut, holds the fist off its target [m],
-        stopped_steps: for so many control steps in a row.
-        home: Part of the way that may be left where a door stops that counts as brought home [ratio].
-        aslant: Sideways part of the fist's retreat, toward the hinge, to keep clear of the bar [tangent].
     """
 
-    doors: int = 8
-    closed: float = 0.03
-    facing: float = 0.7
-    same_m: float = 0.1
-    nearly: float = 0.85
-    exact_m: float = 0.010
-    unsure_rad: float = 0.2
-    unsure_m: float = 0.06
-    moving: float = 0.15
-    stopped_m: float = 0.02
-    stopped_steps: int = 3
-    home: float = 0.1
-    aslant: float = 0.6
+    doors: int = 8  # most doors that one call closes
+    closed: float = 0.03  # a door that is open by less counts as closed [ratio of its limit]
+    facing: float = 0.7  # cosine between the outward directions of two fronts on the same side of a thing
+    same_m: float = 0.1  # a door whose middle is still this close to where it was has not moved [m]
+    nearly: float = 0.85  # in an exact scene, progress of the push from which the door may be shut [ratio]
+    exact_m: float = 0.010  # in an exact scene, distance that a shut door holds the fist off its target [m]
+    unsure_rad: float = 0.2  # target past the closed position of a hinged door that is only seen [rad]
+    unsure_m: float = 0.06  # target past the closed position of a drawer that is only seen [m]
+    moving: float = 0.15  # progress from which such a door may be shut [ratio]; it resists as it begins to move, too
+    stopped_m: float = 0.02  # distance that such a shut door holds the fist off its target [m]
+    stopped_steps: int = 3  # and for this many control steps in a row
+    home: float = 0.1  # part of the way left at which a stopped door still counts as closed [ratio]
+    aslant: float = 0.6  # sideways part of the fist's retreat, toward the hinge, to keep clear of the bar [tangent]
 
 
 _SHUT = Shutting()

@@ -26,23 +26,13 @@ from mpvi_bt.hands.stance.stance_search import Search
 
 @dataclass(frozen=True)
 class Cutting:
-    """How a blade comes down on a thing.
+    """How a blade comes down on a thing."""
 
-    Our choice.
-
-    Attributes:
-        into_m: How far below the top of the thing the blade's target is [m]: the arm's give turns that into force.
-        beside_m: Things this near to what is cut, such as the board under it, may be touched [m].
-        again_s: Time between two cuts [s]: OmniGibson's slicers are active again 2.0 s after a contact.
-        pieces: Pieces that one thing is cut into by one call, at the most.
-        turn_cost: Cost of each radian that the tool is turned about the vertical.
-    """
-
-    into_m: float = 0.015
-    beside_m: float = 0.05
-    again_s: float = 2.2
-    pieces: int = 8
-    turn_cost: float = 0.05
+    into_m: float = 0.015  # target of the blade below the thing's top [m]; the arm's give makes it a force; our choice
+    beside_m: float = 0.05  # things this close to the cut, such as the board under it, may be touched [m]; our choice
+    again_s: float = 2.2  # time between two cuts [s]; OmniGibson's slicers are active again 2.0 s after a contact
+    pieces: int = 8  # most pieces that one call cuts a thing into; our choice
+    turn_cost: float = 0.05  # cost of each radian of the tool's turn about the vertical; our choice
 
 
 _CUT = Cutting()

@@ -26,53 +26,33 @@ from mpvi_bt.hands.stance.stance import Option
 
 @dataclass(frozen=True)
 class DrawingOut:
-    """How a thing is swung out from what it stands against.
+    """How a thing is swung out from the wall it stands against.
 
     Our choice, by books, boards and boxes at walls.
-
-    Attributes:
-        behind_m: Width that a finger needs behind the thing [m].
-        behind_at: Heights at which that is checked, from the middle [ratio of the thing's height].
-        support_m: How far below the underside the support of an end that has been swung out is looked for [m].
-        arc_rad: Angles about the far end that the hand goes through [rad]: at the last, fingers fit behind the thing.
-        speed_m_s: Speed of the hand [m/s]: slow enough that rubber fingertips keep their hold by friction.
-        before_m: Standoff of the hand before the end of the thing, along its approach [m].
-        off_m: Clearance of the fingers from the end of the thing before and after the push [m].
-        press_m: How far into the end the hand's target is [m]: the arm's give turns that into force.
-        slides: How much deeper for each radian of the arc, as the thing slides along the wall [ratio of its width].
-        away_m: How far the hand moves off the end after the arc [m].
-        tilts_rad: Tilts of the approach from straight down, the best first [rad].
-        tilt_cost: Cost of each radian off the best.
-        turns_rad: Turns of the hand about the vertical [rad].
-        turn_cost: Cost of each radian of it.
-        depths_m: Distances of the tcp before the side that the fingers press on [m].
-        depth_cost: Cost of each meter of it.
-        above_m: Height of the tcp above the underside, if the hand has room [m]; half the thing's if that is less.
-        low: Largest height of the tcp [ratio of the thing's height]: pushed higher up, a thing rather falls over.
-        flat_m: Height up to which nothing falls over [m],
-        edge_m: if the fingers stay this far below the upper edge, so that they do not slip over it [m].
     """
 
-    behind_m: float = 0.045
+    behind_m: float = 0.045  # width that a finger needs behind the thing [m]
+    # heights at which that width is checked, from the middle [ratio of the thing's height]
     behind_at: tuple[float, ...] = (-0.2, 0.2, 0.4)
-    support_m: float = 0.008
+    support_m: float = 0.008  # depth below the underside at which support of the free end is looked for [m]
+    # angles of the hand about the far end [rad]; at the last, fingers fit behind the thing
     arc_rad: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8)
-    speed_m_s: float = 0.08
-    before_m: float = 0.10
-    off_m: float = 0.012
-    press_m: float = 0.012
-    slides: float = 0.3
-    away_m: float = 0.03
-    tilts_rad: tuple[float, ...] = (1.2, 0.9, 1.4, 0.6)
-    tilt_cost: float = 0.2
-    turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3, 0.6, -0.6)
-    turn_cost: float = 0.3
-    depths_m: tuple[float, ...] = (0.022, 0.03, 0.04)
-    depth_cost: float = 5.0
-    above_m: float = 0.02
-    low: float = 0.6
-    flat_m: float = 0.03
-    edge_m: float = 0.006
+    speed_m_s: float = 0.08  # speed of the hand [m/s]; slow enough for rubber fingertips to hold by friction
+    before_m: float = 0.10  # standoff of the hand before the end of the thing, along its approach [m]
+    off_m: float = 0.012  # clearance of the fingers from the end before and after the push [m]
+    press_m: float = 0.012  # target of the hand inside the end [m]; the arm's give turns it into force
+    slides: float = 0.3  # depth added per radian of the arc, as the thing slides along the wall [ratio of its width]
+    away_m: float = 0.03  # retreat of the hand from the end after the arc [m]
+    tilts_rad: tuple[float, ...] = (1.2, 0.9, 1.4, 0.6)  # tilts of the approach from straight down, best first [rad]
+    tilt_cost: float = 0.2  # cost of each radian off the best
+    turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3, 0.6, -0.6)  # turns of the hand about the vertical [rad]
+    turn_cost: float = 0.3  # cost of each radian of turn
+    depths_m: tuple[float, ...] = (0.022, 0.03, 0.04)  # distances of the tcp before the side that is pressed [m]
+    depth_cost: float = 5.0  # cost of each meter of that distance
+    above_m: float = 0.02  # height of the tcp above the underside, if there is room [m]; at most half the thing
+    low: float = 0.6  # largest height of the tcp [ratio of the thing's height]; pushed higher up, a thing falls over
+    flat_m: float = 0.03  # height up to which nothing falls over [m]
+    edge_m: float = 0.006  # least distance of the fingers below a flat thing's upper edge, or they slip over it [m]
 
 
 _DRAW = DrawingOut()

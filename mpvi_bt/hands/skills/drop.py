@@ -31,51 +31,28 @@ from mpvi_bt.hands.stance.stance_search import Search
 
 @dataclass(frozen=True)
 class Falling:
-    """From where a payload is let go of, to fall into a container.
+    """Releases that let a payload fall into a container."""
 
-    Our choice.
-
-    Attributes:
-        over_rim_m: Clearance between the lowest point of the payload and the rim [m].
-        over_lid_m: Clearance over what stands up above the rim, such as an open lid, where every hand has room [m].
-        most_up_m: Largest height above `over_rim_m` to let go from [m]: what falls far may turn.
-        heights: Heights that are tried between the two.
-        fall_m: Clearance on every side of what falls in, at the least [m],
-        ample_m: and clearance beyond which more is no better [m].
-        lean: Cosine with the vertical of the axis of a container that is open above, at the least.
-        rim_m: A solid across the opening covers it if its top is no lower than this below the rim [m],
-        cover_m: and its underside no higher than this above the rim [m].
-        staves: In a round container, what is farther out is its own wall [ratio of its radius].
-        tilts_rad: Tilts of the payload from how it hangs [rad],
-        turns_rad: and turns about the vertical [rad].
-        level: Sine from the vertical of a hand's approach; steeper, a payload is tilted about the closing axis.
-        off: Offsets from the middle of the opening [ratio of the room there is].
-        releases: Releases that are tried with each pose of the container,
-        postures: and postures of the arm for each.
-        clear_m: Clearance between what the two hands hold [m].
-        above_m: How far above the release the hand comes in [m].
-        lower_m_s: Speed at which it comes over a container in the other hand [m/s].
-    """
-
-    over_rim_m: float = 0.02
-    over_lid_m: float = 0.03
-    most_up_m: float = 0.16
-    heights: int = 4
-    fall_m: float = 0.008
-    ample_m: float = 0.025
-    lean: float = 0.9
-    rim_m: float = 0.03
-    cover_m: float = 0.6
-    staves: float = 0.5
-    tilts_rad: tuple[float, ...] = (0.0, 0.35, -0.35, 0.7)
-    turns_rad: tuple[float, ...] = tuple(np.arange(-3.0, 3.01, 0.5))
-    level: float = 0.2
+    over_rim_m: float = 0.02  # clearance between the lowest point of the payload and the rim [m]; our choice
+    over_lid_m: float = 0.03  # clearance over an open lid or other part above the rim, for every hand [m]; our choice
+    most_up_m: float = 0.16  # largest height of the release above `over_rim_m` [m]; long falls may turn; our choice
+    heights: int = 4  # heights that are tried between the two; our choice
+    fall_m: float = 0.008  # least clearance on every side of the falling payload [m]; our choice
+    ample_m: float = 0.025  # clearance beyond which more is no better [m]; our choice
+    lean: float = 0.9  # least cosine with the vertical of the axis of a container that is open above; our choice
+    rim_m: float = 0.03  # a solid covers the opening if its top is at most this far below the rim [m]; our choice
+    cover_m: float = 0.6  # and its underside at most this far above the rim [m]; our choice
+    staves: float = 0.5  # parts farther out are a round container's own wall [ratio of its radius]; our choice
+    tilts_rad: tuple[float, ...] = (0.0, 0.35, -0.35, 0.7)  # tilts of the payload from how it hangs [rad]; our choice
+    turns_rad: tuple[float, ...] = tuple(np.arange(-3.0, 3.01, 0.5))  # turns about the vertical [rad]; our choice
+    level: float = 0.2  # sine of the approach from vertical; below it, tilts are about the closing axis; our choice
+    # offsets from the middle of the opening [ratio of the free room]; our choice
     off: tuple[float, ...] = (0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0)
-    releases: int = 80
-    postures: int = 3
-    clear_m: float = 0.005
-    above_m: float = 0.10
-    lower_m_s: float = 0.08
+    releases: int = 80  # releases that are tried with each pose of the container; our choice
+    postures: int = 3  # postures of the arm for each release; our choice
+    clear_m: float = 0.005  # clearance between the payloads of both hands [m]; our choice
+    above_m: float = 0.10  # height above the release at which the hand comes in [m]; our choice
+    lower_m_s: float = 0.08  # lowering speed over a container in the other hand [m/s]; our choice
 
 
 _FALL = Falling()
@@ -83,23 +60,16 @@ _FALL = Falling()
 
 @dataclass(frozen=True)
 class FallCosts:
-    """What makes one release worse than another.
+    """Costs that make one release worse than another.
 
     Our choice: most of all what might let the payload catch on the rim.
-
-    Attributes:
-        narrow: Cost of each meter of clearance below `ample_m`, and of each meter that the payload reaches sideways.
-        tilt: Cost of each radian of tilt,
-        turn: and of turn about the vertical.
-        off: Cost of each meter off the middle, and of each meter above the container's bottom that it comes to lie.
-        up: Cost of each meter that it falls farther.
     """
 
-    narrow: float = 10.0
-    tilt: float = 2.0
-    turn: float = 0.1
-    off: float = 0.5
-    up: float = 2.0
+    narrow: float = 10.0  # cost of each meter of clearance below `ample_m`, and of each meter of sideways reach
+    tilt: float = 2.0  # cost of each radian of tilt
+    turn: float = 0.1  # cost of each radian of turn about the vertical
+    off: float = 0.5  # cost of each meter off the middle, and of each meter of rest above the container's bottom
+    up: float = 2.0  # cost of each meter of fall
 
 
 _COST = FallCosts()

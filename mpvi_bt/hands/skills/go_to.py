@@ -29,33 +29,20 @@ from mpvi_bt.hands.stance.site import base_clear
 
 @dataclass(frozen=True)
 class Legs:
-    """How the base gets to a thing by sight.
+    """How the base drives to a thing by sight."""
 
-    Attributes:
-        at_m: Distance from the base to the thing at which it is there, within the handoff distance of navigation [m],
-        near_m: and at which it stops where something bars the rest, such as the table that the thing lies on [m].
-        tilt_rad: Tilt of the head [rad]: it sees the floor from 0.8 m on, and what is far.
-        legs: Legs before it gives up.
-        leg_m: Longest leg, from one look to the next [m].
-        beyond_m: Overshoot of the last leg, so that it ends near enough [m].
-        least_m: Shortest leg; with less room the way is barred [m].
-        ahead: Legs in an open direction before it looks around again.
-        aside_rad: Directions off a barred way that are tried, to one side and then to the other [rad].
-        looks: Looks in a full turn.
-        turned_rad: Turns smaller than this are not made [rad].
-    """
-
-    at_m: float = 0.85
-    near_m: float = 1.2
-    tilt_rad: float = 0.4
-    legs: int = 80
-    leg_m: float = 1.2
-    beyond_m: float = 0.05
-    least_m: float = 0.15
-    ahead: int = 3
+    at_m: float = 0.85  # distance from the base to a reached thing, within the handoff distance of navigation [m]
+    near_m: float = 1.2  # distance at which it stops before an obstacle, such as the table that the thing lies on [m]
+    tilt_rad: float = 0.4  # tilt of the head [rad]; it sees the floor from 0.8 m on, and far things
+    legs: int = 80  # legs before it gives up
+    leg_m: float = 1.2  # longest leg, from one look to the next [m]
+    beyond_m: float = 0.05  # overshoot of the last leg, so that it ends near enough [m]
+    least_m: float = 0.15  # shortest leg [m]; with less room the way is barred
+    ahead: int = 3  # legs in an open direction before it looks around again
+    # directions off a barred way that are tried, to one side and then to the other [rad]
     aside_rad: tuple[float, ...] = (0.6, 1.2, 1.8)
-    looks: int = 5
-    turned_rad: float = 0.05
+    looks: int = 5  # looks in a full turn
+    turned_rad: float = 0.05  # smaller turns are not made [rad]
 
 
 _LEGS = Legs()
@@ -63,29 +50,18 @@ _LEGS = Legs()
 
 @dataclass(frozen=True)
 class RoomAhead:
-    """What of a picture is in the way of the base.
+    """Which points of a picture are in the way of the base."""
 
-    Attributes:
-        around_m: Clearance around the base [m],
-        loaded_m: and around a hand that holds something [m].
-        height_m: Lowest and highest point of an obstacle [m]: lower is the floor, higher the robot passes below.
-        specks: Pixels nearer than an obstacle that may be noise.
-        far_m: Room ahead where no obstacle is seen [m].
-        step_m: Distance between two checks where the scene is exact [m].
-        load_m: Radius around a hand that holds something within which what moves along is its payload [m]:
-        along_m: its depth stays the same, up to this [m],
-        pixels: in a window of so many pixels.
-    """
-
-    around_m: float = 0.02
-    loaded_m: float = 0.2
+    around_m: float = 0.02  # clearance around the base [m]
+    loaded_m: float = 0.2  # clearance around a hand with a payload [m]
+    # lowest and highest point of an obstacle [m]; lower is the floor, and the robot passes below higher ones
     height_m: tuple[float, float] = (0.06, 1.45)
-    specks: int = 10
-    far_m: float = 9.0
-    step_m: float = 0.15
-    load_m: float = 0.4
-    along_m: float = 0.03
-    pixels: int = 5
+    specks: int = 10  # pixels nearer than an obstacle that may be noise
+    far_m: float = 9.0  # room ahead if no obstacle is seen [m]
+    step_m: float = 0.15  # distance between two checks if the scene is exact [m]
+    load_m: float = 0.4  # radius around a hand with a payload in which what moves along is the payload [m]
+    along_m: float = 0.03  # largest change of a payload's depth [m]
+    pixels: int = 5  # window in which its depth is compared [px]
 
 
 _ROOM = RoomAhead()

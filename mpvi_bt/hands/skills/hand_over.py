@@ -27,39 +27,22 @@ from mpvi_bt.hands.motion.work import Words, Work
 
 @dataclass(frozen=True)
 class Taking:
-    """How the other hand takes hold of what a hand holds.
+    """How the other hand takes the payload of a hand."""
 
-    Our choice.
-
-    Attributes:
-        apart_m: Least distance between the tcps of the two hands [m],
-        opposed: unless the cosine between their approaches is less, so that their fingers interleave.
-        deep_m: How far a thing may reach behind the tcp into the taking hand [m].
-        end_m: Distance from the end of a thing to the nearest place where it is taken [m].
-        along: Places along it, off its middle [ratio of the room there is],
-        short_m: if that room is more than this [m].
-        angles: Directions that the hand may come from, in a turn about its closing axis.
-        far_m: Distance between the hands beyond which they are in each other's way no more [m],
-        far_gain: and how much better each meter up to there makes a posture.
-        palm_m: Distance of the palm behind the tcp [m],
-        palm_clear_m: and its clearance from the thing [m].
-        standoff_m: Standoff of the taking hand before, and of the giving hand after it [m].
-        speed_m_s: Speed of the taking hand on the last line [m/s].
-    """
-
-    apart_m: float = 0.055
-    opposed: float = -0.3
-    deep_m: float = 0.03
-    end_m: float = 0.015
+    apart_m: float = 0.055  # least distance between the tcps of the two hands [m]; our choice
+    opposed: float = -0.3  # cosine between their approaches below which they may be closer; our choice
+    deep_m: float = 0.03  # distance that a thing may reach behind the tcp into the taking hand [m]; our choice
+    end_m: float = 0.015  # distance from the end of a thing to the nearest place where it is taken [m]; our choice
+    # places along it, off its middle [ratio of its free length]; our choice
     along: tuple[float, ...] = (0.0, 0.5, -0.5, 0.9, -0.9)
-    short_m: float = 0.02
-    angles: int = 16
-    far_m: float = 0.15
-    far_gain: float = 4.0
-    palm_m: float = 0.06
-    palm_clear_m: float = 0.015
-    standoff_m: float = 0.10
-    speed_m_s: float = 0.10
+    short_m: float = 0.02  # least free length for these places [m]; our choice
+    angles: int = 16  # directions of the hand, in a turn about its closing axis; our choice
+    far_m: float = 0.15  # distance beyond which the hands are no longer in each other's way [m]; our choice
+    far_gain: float = 4.0  # gain of a posture per meter of distance up to there; our choice
+    palm_m: float = 0.06  # distance of the palm behind the tcp [m]; our choice
+    palm_clear_m: float = 0.015  # clearance of the palm from the thing [m]; our choice
+    standoff_m: float = 0.10  # standoff of the taking hand before, and of the giving hand after it [m]; our choice
+    speed_m_s: float = 0.10  # speed of the taking hand on the last line [m/s]; our choice
 
 
 _TAKING = Taking()

@@ -20,23 +20,14 @@ from mpvi_bt.hands.skills.openings import FACING_RAD, stand_before_open
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """Where a container is looked into from.
+    """Where a container is looked into from."""
 
-    Our choice.
-
-    Attributes:
-        same: Viewpoints this near to each other show the same [m, rad].
-        turns_rad: Turns of the base from facing the thing [rad]: of a large one the picture may have shown an end.
-        around_rad: Bearings around the thing, from that of the robot [rad],
-        off_m: at this distance from its nearest face, where a payload does not hide it [m].
-        held_out: Which of the poses before the body a hand holds it out in, one after the other.
-    """
-
-    same: float = 0.05
+    same: float = 0.05  # viewpoints this close to each other show the same [m, rad]; our choice
+    # turns of the base from facing the thing [rad]; the picture may have shown an end of a large one; our choice
     turns_rad: tuple[float, ...] = (0.0, 0.6, -0.6)
-    around_rad: tuple[float, ...] = (0.0, 0.7, -0.7, 1.2, -1.2)
-    off_m: float = 1.0
-    held_out: tuple[int, ...] = (0, 3, 6)
+    around_rad: tuple[float, ...] = (0.0, 0.7, -0.7, 1.2, -1.2)  # bearings around the thing [rad]; our choice
+    off_m: float = 1.0  # distance from its nearest face, where a payload does not hide it [m]; our choice
+    held_out: tuple[int, ...] = (0, 3, 6)  # poses before the body where a hand holds it out; our choice
 
 
 _VIEWS = Viewpoints()

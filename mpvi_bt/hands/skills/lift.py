@@ -22,17 +22,10 @@ from mpvi_bt.hands.stance.stance_search import Search
 
 @dataclass(frozen=True)
 class LiftingBoth:
-    """How a box is taken off what it stands on.
+    """How a box is lifted off its support."""
 
-    Our choice.
-
-    Attributes:
-        pressing_s: Time in which the hands build up force [s]: a longer rest looks like the end of the lift.
-        up_m: Lift of the box before the base draws it back [m].
-    """
-
-    pressing_s: float = 0.2
-    up_m: float = 0.15
+    pressing_s: float = 0.2  # time for the hands to build up force [s]; a longer rest looks like the end; our choice
+    up_m: float = 0.15  # lift of the box before the base draws it back [m]; our choice
 
 
 _LIFT = LiftingBoth()

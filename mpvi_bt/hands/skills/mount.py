@@ -23,18 +23,11 @@ from mpvi_bt.hands.stance.stance import Option
 
 @dataclass(frozen=True)
 class Mounting:
-    """How two mounts are brought together.
+    """How two mounts are brought together."""
 
-    Our choice.
-
-    Attributes:
-        off_m: Standoff of the mounts before, and of the hand after it [m].
-        beyond_m: How far past the meeting point the hand's target is [m]: it stops at contact.
-        leans_rad: Turns about the direction of approach [rad]; 15 degrees are allowed.
-    """
-
-    off_m: float = 0.10
-    beyond_m: float = 0.01
+    off_m: float = 0.10  # standoff of the mounts before, and of the hand after it [m]; our choice
+    beyond_m: float = 0.01  # target of the hand past the meeting point [m]; it stops at contact; our choice
+    # turns about the direction of approach [rad]; 15 degrees are allowed; our choice
     leans_rad: tuple[float, ...] = (0.0, 0.12, -0.12)
 
 

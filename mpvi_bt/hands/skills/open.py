@@ -32,31 +32,21 @@ from mpvi_bt.hands.stance.course import AROUND_M, Course, CourseSearch, CourseSt
 class Opening:
     """How far doors, drawers and lids are opened, and when they are open.
 
-    Our choice: enough to reach in. Of several ways the most comes first; there may be no room for it.
-
-    Attributes:
-        upright_rad: Openings of doors with an upright hinge [rad].
-        flap_rad: Openings of flaps with a hinge below [rad]: any farther the bar is out of reach to close it again.
-        rising_rad: Openings of flaps with a hinge above [rad]: above what it closes a flap is in nobody's way.
-        lid_rad: Openings of lids on top [rad]: any farther no hand gets behind it to close it.
-        slide_m: Openings of drawers [m].
-        enough: Part of the least of these, or of the limit if that is less, from which a door is open [ratio].
-        views: Views that have to agree that a door is open already.
-        same_bar_m: A bar that is seen this near to where it was has not moved [m].
-        deep_m: Depth of what is taken to be behind a front of which only the front was seen [m],
-        behind_m: and its distance from the middle of that front [m].
+    Our choice: enough to reach in. The widest comes first; there may be no room for it.
     """
 
-    upright_rad: tuple[float, ...] = (1.5, 1.3, 1.1, 0.9)
+    upright_rad: tuple[float, ...] = (1.5, 1.3, 1.1, 0.9)  # openings of doors with an upright hinge [rad]
+    # openings of flaps with a hinge below [rad]; any farther the bar is out of reach to close it again
     flap_rad: tuple[float, ...] = (1.2, 1.0)
+    # openings of flaps with a hinge above [rad]; above its opening a flap is in nobody's way
     rising_rad: tuple[float, ...] = (1.6, 1.4, 1.2)
-    lid_rad: tuple[float, ...] = (1.5, 1.3, 1.1)
-    slide_m: tuple[float, ...] = (0.3, 0.24)
-    enough: float = 0.8
-    views: int = 3
-    same_bar_m: float = 0.06
-    deep_m: float = 0.3
-    behind_m: float = 0.015
+    lid_rad: tuple[float, ...] = (1.5, 1.3, 1.1)  # openings of lids on top [rad]; farther, no hand gets behind it
+    slide_m: tuple[float, ...] = (0.3, 0.24)  # openings of drawers [m]
+    enough: float = 0.8  # part of the least of these, or of a smaller limit, from which a door is open [ratio]
+    views: int = 3  # views that have to agree that a door is open already
+    same_bar_m: float = 0.06  # a bar seen this close to where it was has not moved [m]
+    deep_m: float = 0.3  # depth assumed behind a front of which only the front was seen [m]
+    behind_m: float = 0.015  # distance of that room from the middle of the front [m]
 
 
 _OPEN = Opening()

@@ -32,30 +32,19 @@ class DoorViews:
     """Where doors are looked at from, and which of them are the same.
 
     Our choice, by kitchen furniture.
-
-    Attributes:
-        looks: Looks at the whole front, with a turn between them: the first shows where its middle is.
-        beside_rad: Turn from facing a door that shows what is beside the base on the hinge's side [rad],
-        down_rad: and tilt of the head for it [rad].
-        aside_rad: Bearings off the present one from which the outside of an open door may be seen [rad],
-        aside_m: from no nearer than this [m].
-        before_m: Distance to stand before a face [m].
-        stage_rad: Angle between two looks on the way around a thing [rad].
-        same_m: Largest distance between the middles of one door that is seen twice [m],
-        same: and largest difference of its opening [ratio of its limit].
-        ajar: Opening from which one sees what is inside [ratio of its limit].
     """
 
-    looks: int = 2
-    beside_rad: float = 1.5
-    down_rad: float = 0.5
+    looks: int = 2  # looks at the whole front, with a turn between them; the first shows where its middle is
+    beside_rad: float = 1.5  # turn from facing a door that shows the room beside the base on the hinge's side [rad]
+    down_rad: float = 0.5  # tilt of the head for that look [rad]
+    # bearings off the present one that may show the outside of an open door [rad]
     aside_rad: tuple[float, ...] = (0.7, -0.7, 1.2, -1.2)
-    aside_m: float = 1.2
-    before_m: float = 1.1
-    stage_rad: float = 0.6
-    same_m: float = 0.15
-    same: float = 0.2
-    ajar: float = 0.5
+    aside_m: float = 1.2  # least distance of that view [m]
+    before_m: float = 1.1  # distance to stand before a face [m]
+    stage_rad: float = 0.6  # angle between two looks on the way around a thing [rad]
+    same_m: float = 0.15  # largest distance between the middles of one door that is seen twice [m]
+    same: float = 0.2  # largest difference of its opening [ratio of its limit]
+    ajar: float = 0.5  # opening from which the inside is seen [ratio of its limit]
 
 
 _VIEWS = DoorViews()

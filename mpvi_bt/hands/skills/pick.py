@@ -26,21 +26,9 @@ from mpvi_bt.hands.stance.stance_search import Search
 
 @dataclass(frozen=True)
 class Lifting:
-    """How a hand closes in on a thing and lifts it, and when it has it.
+    """How a hand closes in on a thing and lifts it, and when it holds it."""
 
-    Our choice.
-
-    Attributes:
-        ways: Standoff before the grasp, lift after it, run-up of the base [m] and cost of each way.
-        slanted_rad: Least tilt of the approach from straight down for ways with a run-up [rad].
-        off_m: A payload this far above where it lay has been lifted [m],
-        away_m: as has one this far aside [m]: tipped in the hand it rises, and shifts, by less.
-        alike: Things of the name that are tried, the nearest first.
-        board_m: Distance to a board, or the top of a compartment, that covers a hand [m],
-        above_m: looked for from this to that height above it [m],
-        step_m: in steps of this [m].
-    """
-
+    # standoff before the grasp, lift after it, run-up of the base [m] and cost of each way; our choice
     ways: tuple[tuple[float, float, float, float], ...] = (
         (0.10, 0.15, 0.0, 0.0),
         (0.10, 0.06, 0.0, 0.1),
@@ -48,13 +36,13 @@ class Lifting:
         (0.10, 0.03, 0.4, 0.3),
         (0.10, 0.03, 0.25, 0.4),
     )
-    slanted_rad: float = 0.8
-    off_m: float = 0.055
-    away_m: float = 0.20
-    alike: int = 4
-    board_m: float = 0.03
-    above_m: tuple[float, float] = (0.1, 1.2)
-    step_m: float = 0.04
+    slanted_rad: float = 0.8  # least tilt of the approach from straight down for ways with a run-up [rad]; our choice
+    off_m: float = 0.055  # a payload this far above where it lay is lifted [m]; our choice
+    away_m: float = 0.20  # a payload this far aside is lifted [m]; tipped in the hand it moves by less; our choice
+    alike: int = 4  # things of the name that are tried, the nearest first; our choice
+    board_m: float = 0.03  # distance to a board, or the top of a compartment, that covers a hand [m]; our choice
+    above_m: tuple[float, float] = (0.1, 1.2)  # heights above the hand where a board is looked for [m]; our choice
+    step_m: float = 0.04  # step between these heights [m]; our choice
 
 
 _LIFT = Lifting()

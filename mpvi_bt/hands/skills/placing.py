@@ -36,23 +36,13 @@ TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)  # our choice: of a payload abo
 
 @dataclass(frozen=True)
 class Leaning:
-    """Which payloads may lean when they are let go of, and how far.
+    """Which payloads may lean when they are released, and how far."""
 
-    Our choice.
-
-    Attributes:
-        stands: A payload that leans by less comes to stand [ratio of the lean at which it tips over].
-        hardly_rad: What has things in it may lean by this more than it does in the hand [rad].
-        level: Least sine from the vertical of the axis that a payload leans about.
-        lean_cost: Cost of each radian of lean,
-        turn_cost: and of turn about the vertical.
-    """
-
-    stands: float = 0.8
-    hardly_rad: float = 0.1
-    level: float = 0.5
-    lean_cost: float = 1.0
-    turn_cost: float = 0.05
+    stands: float = 0.8  # largest lean of a payload that comes to stand [ratio of the lean at its tipping]; our choice
+    hardly_rad: float = 0.1  # lean added to that in the hand for a payload with contents [rad]; our choice
+    level: float = 0.5  # least sine from the vertical of the axis that a payload leans about; our choice
+    lean_cost: float = 1.0  # cost of each radian of lean; our choice
+    turn_cost: float = 0.05  # cost of each radian of turn about the vertical; our choice
 
 
 _LEAN = Leaning()
@@ -60,33 +50,21 @@ _LEAN = Leaning()
 
 @dataclass(frozen=True)
 class SettingDown:
-    """How a payload is brought down and let go of.
+    """How a payload is lowered and released.
 
     Our choice, by how far arms give way and things slip.
-
-    Attributes:
-        down_m: Clearance of the payload from the surface when the hand opens [m],
-        leaning_down_m: and of one that leans [m].
-        lower_m_s: Speed at which it comes down [m/s].
-        mended_m: Largest correction for a payload that has slipped in the hand, or an arm that has given way [m].
-        spare_m: How far the hand opens beyond the width of the payload [m].
-        released_m: A hand has let go if it has opened by this [m],
-        wide: or to this [ratio of its full opening].
-        freed_m: Rise of a hand whose fingers do not open [m]: fingertips on the floor do not slide apart.
-        lost_m: A payload that lies this much higher or lower than it was to has fallen over or off [m].
-        groups: Groups of poses that are tried.
     """
 
-    down_m: float = 0.004
-    leaning_down_m: float = 0.008
-    lower_m_s: float = 0.10
-    mended_m: float = 0.04
-    spare_m: float = 0.03
-    released_m: float = 0.01
-    wide: float = 0.8
-    freed_m: float = 0.015
-    lost_m: float = 0.04
-    groups: int = 14
+    down_m: float = 0.004  # clearance of the payload from the surface when the hand opens [m]
+    leaning_down_m: float = 0.008  # clearance of a leaning payload [m]
+    lower_m_s: float = 0.10  # lowering speed [m/s]
+    mended_m: float = 0.04  # largest correction for a payload that slipped in the hand, or an arm that gave way [m]
+    spare_m: float = 0.03  # opening of the hand beyond the width of the payload [m]
+    released_m: float = 0.01  # a hand has let go if it has opened by this [m]
+    wide: float = 0.8  # or to this [ratio of its full opening]
+    freed_m: float = 0.015  # rise of a hand whose fingers do not open [m]; fingertips on the floor do not slide apart
+    lost_m: float = 0.04  # a payload this much higher or lower than planned has fallen over or off [m]
+    groups: int = 14  # groups of poses that are tried
 
 
 SETTING = SettingDown()
@@ -94,36 +72,26 @@ SETTING = SettingDown()
 
 @dataclass(frozen=True)
 class HandBack:
-    """How a hand comes in over the pose of a payload, and how it draws back once it has let go.
+    """How a hand comes in over the pose of a payload, and how it retreats after the release.
 
-    Our choice: a hand that is well above what stands around folds without sweeping that away.
-
-    Attributes:
-        ways: Height to come in from, retreat along the fingers, run-up of the base [m] and cost of each way.
-        low_m: A hand that comes in from less high may retreat sideways instead [m],
-        aside_m: by this [m]
-        aside_cost: at this cost,
-        closes_level: if its closing axis is level [cosine],
-        straight: and the way is not straight back [cosine with the fingers],
-        forward: nor leads on forward [cosine with the fingers].
-        step_m: Distance between two checks of that way [m].
-        grazed_m: How much nearer than at its beginning the fingers may come to the payload on it [m].
+    Our choice: a hand well above what stands around folds without sweeping that away.
     """
 
+    # height to come in from, retreat along the fingers, run-up of the base [m] and cost of each way
     ways: tuple[tuple[float, float, float, float], ...] = (
         (0.12, 0.20, 0.0, 0.0),
         (0.05, 0.09, 0.0, 0.1),
         (0.06, 0.09, 0.4, 0.1),
         (0.06, 0.09, 0.25, 0.15),
     )
-    low_m: float = 0.1
-    aside_m: float = 0.15
-    aside_cost: float = 0.05
-    closes_level: float = 0.95
-    straight: float = 0.95
-    forward: float = 0.2
-    step_m: float = 0.015
-    grazed_m: float = 0.002
+    low_m: float = 0.1  # a hand that comes in from a lower height may retreat sideways instead [m]
+    aside_m: float = 0.15  # distance of that sideways retreat [m]
+    aside_cost: float = 0.05  # cost of that retreat
+    closes_level: float = 0.95  # least cosine of its closing axis with level
+    straight: float = 0.95  # largest cosine of that direction with straight back
+    forward: float = 0.2  # largest cosine of that direction with the fingers' direction
+    step_m: float = 0.015  # distance between two checks of that way [m]
+    grazed_m: float = 0.002  # largest loss of the fingers' clearance from the payload on it [m]
 
 
 _BACK = HandBack()

@@ -33,38 +33,23 @@ class Tipping:
     """How a vessel is tipped over its lip, and shaken.
 
     Our choice, by trial in episodes.
-
-    Attributes:
-        over_m: Clearance of the vessel's lip over what it is poured into [m].
-        within_m: How far the lip is from the middle of the place, toward the vessel [m].
-        above_m: Height that the vessel comes down from [m].
-        steps: Straight lines from upright to tipped.
-        ways: How far to tip [rad] and from how much higher [m], as the arms allow, the surest to empty it first.
-        tip_rad_s: Speed of the fastest joint while the vessel is tipped [rad/s],
-        right_rad_s: and while it is righted again [rad/s].
-        shakes: Times that it is shaken at the end,
-        shaken: by so many postures, a tenth of a radian apart: what has slid down to the palm slides out past it.
-        lips: Places around the rim that it may be poured over.
-        palm_m: Distance of the palm behind the tcp [m]; the palm covers the rim there.
-        deep_m: Least depth that a vessel is taken to have [m],
-        off_m: and least distance of the palm from its middle [m].
-        bars_m: What stands higher above the rim is in the way of pouring, such as a handle [m].
     """
 
-    over_m: float = 0.04
-    within_m: float = 0.01
-    above_m: float = 0.06
-    steps: int = 6
+    over_m: float = 0.04  # clearance of the vessel's lip over the container below [m]
+    within_m: float = 0.01  # distance of the lip from the middle of the place, toward the vessel [m]
+    above_m: float = 0.06  # height from which the vessel comes down [m]
+    steps: int = 6  # straight lines from upright to tipped
+    # tip angle [rad] and added height [m], as the arms allow, the surest to empty it first
     ways: tuple[tuple[float, float], ...] = ((2.75, 0.05), (2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
-    tip_rad_s: float = 0.8
-    right_rad_s: float = 1.5
-    shakes: int = 3
-    shaken: int = 10
-    lips: int = 8
-    palm_m: float = 0.05
-    deep_m: float = 0.02
-    off_m: float = 0.02
-    bars_m: float = 0.005
+    tip_rad_s: float = 0.8  # speed of the fastest joint while the vessel is tipped [rad/s]
+    right_rad_s: float = 1.5  # speed while it is righted again [rad/s]
+    shakes: int = 3  # shakes at the end
+    shaken: int = 10  # postures of a shake, a tenth of a radian apart; what slid down to the palm slides out past it
+    lips: int = 8  # places around the rim that it may be poured over
+    palm_m: float = 0.05  # distance of the palm behind the tcp [m]; the palm covers the rim there
+    deep_m: float = 0.02  # least depth assumed for a vessel [m]
+    off_m: float = 0.02  # least distance of the palm from its middle [m]
+    bars_m: float = 0.005  # a part that stands higher above the rim, such as a handle, is in the way of pouring [m]
 
 
 _TIP = Tipping()
@@ -72,26 +57,15 @@ _TIP = Tipping()
 
 @dataclass(frozen=True)
 class LevelWays:
-    """Ways to bring a vessel over a place without spilling.
+    """Ways to bring a vessel over a place without spilling."""
 
-    Our choice.
-
-    Attributes:
-        tries: Stances, each with the vessel turned otherwise, that a level way is looked for from,
-        effort: each of which counts as so many base poses of what the search may take.
-        alike: Cosine between two turns of the vessel that are as good as one.
-        level: Least cosine between the vessel's axis on the way and as it is now.
-        turn_cost: Cost of each radian that the vessel is turned.
-        palm_cost: Cost of pouring over the lip where the palm is.
-        detours_m: Offsets of the middle of the way, y toward the hand's own side [m].
-    """
-
-    tries: int = 4
-    effort: float = 1.0
-    alike: float = 0.8
-    level: float = 0.75
-    turn_cost: float = 0.05
-    palm_cost: float = 0.5
+    tries: int = 4  # stances from which a level way is searched, each with another turn of the vessel; our choice
+    effort: float = 1.0  # effort of each of them [base poses]; our choice
+    alike: float = 0.8  # cosine between two turns of the vessel that are as good as one; our choice
+    level: float = 0.75  # least cosine between the vessel's axis on the way and as it is now; our choice
+    turn_cost: float = 0.05  # cost of each radian of the vessel's turn; our choice
+    palm_cost: float = 0.5  # cost of pouring over the lip where the palm is; our choice
+    # offsets of the middle of the way, y toward the hand's own side [m]; our choice
     detours_m: tuple[tuple[float, float, float], ...] = (
         (0.0, 0.0, 0.0),
         (0.0, 0.0, 0.15),

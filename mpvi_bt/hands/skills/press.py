@@ -22,27 +22,16 @@ from mpvi_bt.hands.stance.stance import Option, Stance
 
 @dataclass(frozen=True)
 class Pressing:
-    """How fingertips come onto a switch.
+    """How fingertips press a switch."""
 
-    Our choice.
-
-    Attributes:
-        short_m: Standoff of the fingertips before the switch [m].
-        beyond_m: How far past the switch the hand's target is [m]: it stops at contact.
-        short_of_m: A hand that was stopped farther before that has met something else [m].
-        calm_s: As of `Feeling`, but less, as the hand is empty [s].
-        leans: Lean of a finger from straight on [rad], number of directions of it, and cost.
-        rolls: Turns of the hand about its fingers.
-        ways: Run-up of the base [m] and cost of each way.
-    """
-
-    short_m: float = 0.08
-    beyond_m: float = 0.015
-    short_of_m: float = 0.04
-    calm_s: float = 0.3
+    short_m: float = 0.08  # standoff of the fingertips before the switch [m]; our choice
+    beyond_m: float = 0.015  # target of the hand past the switch [m]; it stops at contact; our choice
+    short_of_m: float = 0.04  # a hand stopped farther before the switch has met something else [m]; our choice
+    calm_s: float = 0.3  # rest before it [s]; shorter than in `Feeling`, as the hand is empty; our choice
+    # lean of a finger from straight on [rad], number of its directions, and cost; our choice
     leans: tuple[tuple[float, int, float], ...] = ((0.0, 1, 0.0), (0.35, 6, 0.3), (0.7, 6, 0.8))
-    rolls: int = 4
-    ways: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.3, 0.2))
+    rolls: int = 4  # turns of the hand about its fingers; our choice
+    ways: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.3, 0.2))  # run-up of the base [m] and its cost; our choice
 
 
 _PRESS = Pressing()

@@ -24,27 +24,18 @@ from mpvi_bt.hands.stance.course import AROUND_M, SHORT_M, Course, CourseSearch,
 
 @dataclass(frozen=True)
 class Pushing:
-    """How far a thing is pushed, and when that is over.
+    """How far a thing is pushed, and when the push is over.
 
-    Our choice, by how far sight is off and how far arms give way.
-
-    Attributes:
-        far_m: Length of a push if nothing is said of it [m].
-        least: Part of that which counts as pushed [ratio].
-        gap_m: A thing this near to where it is to be need not be pushed [m].
-        unsure_m: How far off the place of what it is pushed up to may be [m].
-        step_m: Distance between two checks of where the two meet [m].
-        stuck_m: How far a thing that does not give way holds the hand off its target [m],
-        met_m: and one that has met what it was to meet [m].
+    Our choice, by errors of sight and by how far arms give way.
     """
 
-    far_m: float = 0.30
-    least: float = 0.5
-    gap_m: float = 0.02
-    unsure_m: float = 0.05
-    step_m: float = 0.01
-    stuck_m: float = 0.04
-    met_m: float = 0.02
+    far_m: float = 0.30  # length of a push without a given one [m]
+    least: float = 0.5  # part of it that counts as pushed [ratio]
+    gap_m: float = 0.02  # a thing this close to its goal need not be pushed [m]
+    unsure_m: float = 0.05  # possible error in the place of the thing that it is pushed up to [m]
+    step_m: float = 0.01  # distance between two checks of where the two meet [m]
+    stuck_m: float = 0.04  # distance that a stuck thing holds the hand off its target [m]
+    met_m: float = 0.02  # the same for a thing that has met its goal [m]
 
 
 _PUSHING = Pushing()
@@ -52,35 +43,24 @@ _PUSHING = Pushing()
 
 @dataclass(frozen=True)
 class Fingertips:
-    """Where behind a thing, and how, the fingertips push it.
+    """Where and how fingertips push a thing.
 
-    Our choice: level and low, where it neither tips over nor is in the hand's way.
-
-    Attributes:
-        heights: Heights to push at, the first first [ratio of the thing's height].
-        height_cost: Added cost of each next height.
-        lowest_m: Least height above what the thing stands on [m].
-        toppling: Cost of pushing twice as high as the thing is deep, none up to once: it may tip over,
-        most_toppling: counted up to this many times.
-        apart: Distance between two fingertips, which keep the thing from turning or slipping away [ratio of its width].
-        droops_rad: How far down the hand points [rad].
-        steep_rad: The same behind a thing so thin that a level hand has no room above what it stands on [rad].
-        droop_cost: Cost of each radian of it.
-        standing_cost: Cost of pushing with the arm alone, the base standing.
-        sample_m: Distance between the points that tell where the solids begin and end [m].
+    Our choice: level and low, so that it does not tip over and is not in the hand's way.
     """
 
+    # heights to push at, in this order [ratio of the thing's height]
     heights: tuple[float, ...] = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)
-    height_cost: float = 0.15
-    lowest_m: float = 0.03
-    toppling: float = 1.5
-    most_toppling: float = 2.0
-    apart: float = 0.6
-    droops_rad: tuple[float, ...] = (0.0, 0.4, 0.8, 1.1, 1.4)
+    height_cost: float = 0.15  # added cost of each next height
+    lowest_m: float = 0.03  # least height above the support of the thing [m]
+    toppling: float = 1.5  # cost of pushing twice as high as the thing is deep, none up to once; it may tip over
+    most_toppling: float = 2.0  # that cost is counted up to this many times
+    apart: float = 0.6  # distance between two fingertips, so that the thing does not turn or slip [ratio of its width]
+    droops_rad: tuple[float, ...] = (0.0, 0.4, 0.8, 1.1, 1.4)  # downward tilts of the hand [rad]
+    # downward tilts behind a thin thing, where a level hand has no room above the support [rad]
     steep_rad: tuple[float, ...] = (1.1, 1.4)
-    droop_cost: float = 0.3
-    standing_cost: float = 0.6
-    sample_m: float = 0.0025
+    droop_cost: float = 0.3  # cost of each radian of tilt
+    standing_cost: float = 0.6  # cost of pushing with the arm alone, the base standing
+    sample_m: float = 0.0025  # distance between the points that find where the solids begin and end [m]
 
 
 _TIPS = Fingertips()

@@ -18,53 +18,34 @@ from mpvi_bt.hands.stance.course import SHORT_M, Course
 
 @dataclass(frozen=True)
 class PushPoints:
-    """Where on a face, and how, the fist pushes it.
+    """Where and how the fist pushes a face.
 
     Our choice: near the free edge, where least force is needed, and clear of the bar.
-
-    Attributes:
-        inset_m: Distances of the fist from the free edge [m].
-        unseen_m: The same where the bar is hidden [m]: farther in than bars are.
-        lid_m: The same on a lid, where a finger lies along the face and the palm has to stay beyond the edge [m].
-        widest: Largest inset [ratio of half the face's width].
-        inset_cost: Cost of each meter of inset beyond the first.
-        edge_m: Clearance from the upper and the lower edge [m].
-        beside_m: Distance from the end of the bar to the middle of the fist [m],
-        spare_m: which may be less by this [m]
-        across_m: and has to be more by this, from the bar's axis: a fist is broader across the bar [m].
-        step_m: Distance from a height beyond the bar's end to the next one, which is safer still [m].
-        height_cost: Added cost of each next height.
-        off_middle: Heights to push at where no bar is known, off the middle, where bars are [ratio of half the height].
-        aside: Where to push a drawer, sideways from its middle, to keep clear of its bar [ratio of half its width],
-        below: and up from its middle [ratio of half its height].
-        turns: How far the hand turns along with the door [ratio of its angle]: at half, base and arm share the turning.
-        turn_cost: Cost of each unit off the first of these.
-        leans_rad: Leans along the hinge of a hand that pushes a lid down [rad].
-        lean_cost: Cost of each radian of it.
-        courses: Courses that are looked at, the cheapest first.
-        beyond: How far past the closed position the fist goes where that is known [rad or m]: arms give way.
     """
 
-    inset_m: tuple[float, ...] = (0.07, 0.12, 0.2)
-    unseen_m: tuple[float, ...] = (0.18, 0.24)
+    inset_m: tuple[float, ...] = (0.07, 0.12, 0.2)  # distances of the fist from the free edge [m]
+    unseen_m: tuple[float, ...] = (0.18, 0.24)  # the same if the bar is hidden [m]; farther in than bars are
+    # the same on a lid, where a finger lies along the face and the palm stays beyond the edge [m]
     lid_m: tuple[float, ...] = (0.03, 0.045)
-    widest: float = 1.5
-    inset_cost: float = 3.0
-    edge_m: float = 0.04
-    beside_m: float = 0.09
-    spare_m: float = 0.03
-    across_m: float = 0.06
-    step_m: float = 0.1
-    height_cost: float = 0.1
+    widest: float = 1.5  # largest inset [ratio of half the face's width]
+    inset_cost: float = 3.0  # cost of each meter of inset beyond the first
+    edge_m: float = 0.04  # clearance from the upper and the lower edge [m]
+    beside_m: float = 0.09  # distance from the end of the bar to the middle of the fist [m]
+    spare_m: float = 0.03  # that distance may be less by this [m]
+    across_m: float = 0.06  # and is more by this from the bar's axis [m]; a fist is broader across the bar
+    step_m: float = 0.1  # distance from a height beyond the bar's end to the next, safer one [m]
+    height_cost: float = 0.1  # added cost of each next height
+    # heights to push at if no bar is known, off the middle, where bars are [ratio of half the height]
     off_middle: tuple[float, ...] = (0.6, -0.6)
+    # places to push a drawer, sideways from its middle, clear of its bar [ratio of half its width]
     aside: tuple[float, ...] = (0.4, -0.4, 0.6, -0.6, 0.0)
-    below: tuple[float, ...] = (0.0, -0.3)
-    turns: tuple[float, ...] = (0.5, 0.75, 0.3, 0.9)
-    turn_cost: float = 1.5
-    leans_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 1.0, -1.0)
-    lean_cost: float = 0.3
-    courses: int = 48
-    beyond: float = 0.03
+    below: tuple[float, ...] = (0.0, -0.3)  # and up from its middle [ratio of half its height]
+    turns: tuple[float, ...] = (0.5, 0.75, 0.3, 0.9)  # hand turn per door turn [ratio]; at half, base and arm share it
+    turn_cost: float = 1.5  # cost of each unit off the first of these
+    leans_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 1.0, -1.0)  # leans along the hinge while pushing a lid [rad]
+    lean_cost: float = 0.3  # cost of each radian of lean
+    courses: int = 48  # courses that are checked, the cheapest first
+    beyond: float = 0.03  # distance of the fist past a known closed position [rad or m]; arms give way
 
 
 PUSH = PushPoints()

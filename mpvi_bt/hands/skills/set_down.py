@@ -24,47 +24,28 @@ from mpvi_bt.hands.stance.stance_search import Search
 
 @dataclass(frozen=True)
 class DrivingIn:
-    """How the base drives a box in over a surface, and the hands let go of it.
+    """How the base drives a box in over a surface, and the hands release it.
 
     Our choice, by how far two arms that press give way.
-
-    Attributes:
-        over_m: Clearance of the box over the surface while it is driven in [m].
-        around_m: Clearance around the box on the surface [m],
-        hands_m: and room beside it, if there is any, for hands that let go and that lift its neighbor later [m].
-        headroom_m: Clearance above the box [m].
-        carried: Part of a box's breadth, around its middle, that a narrower support has to bear [ratio].
-        spots: Spots that are looked at,
-        headings: and directions to drive in to each.
-        been_m: A base pose this near to one that failed fails, too [m, rad].
-        step_m: Distance between two checks on the way in [m], for elbows that might meet a screen beside it.
-        off_m: A spot beyond what is known around the robot is driven up to, as near as this [m],
-        leg_m: in legs of at most this [m],
-        legs: of which there are so many.
-        far_m_s: Speed of the base on the way there [m/s],
-        in_m_s: and on the way in [m/s].
-        lower_s_m: Time in which the hands lower the box by a meter [s/m],
-        rise_s_m: and rise beside it [s/m].
-        above_m: Rise of the hands before the base draws them back [m]: lower, they would sweep what lies behind.
     """
 
-    over_m: float = 0.05
-    around_m: float = 0.01
-    hands_m: float = 0.09
-    headroom_m: float = 0.1
-    carried: float = 0.35
-    spots: int = 40
-    headings: int = 16
-    been_m: float = 0.05
-    step_m: float = 0.08
-    off_m: float = 1.3
-    leg_m: float = 1.2
-    legs: int = 4
-    far_m_s: float = 0.3
-    in_m_s: float = 0.2
-    lower_s_m: float = 7.0
-    rise_s_m: float = 3.0
-    above_m: float = 0.08
+    over_m: float = 0.05  # clearance of the box over the surface while it is driven in [m]
+    around_m: float = 0.01  # clearance around the box on the surface [m]
+    hands_m: float = 0.09  # room beside it, if there is any, for hands that release it and lift its neighbor later [m]
+    headroom_m: float = 0.1  # clearance above the box [m]
+    carried: float = 0.35  # middle part of the box's breadth that a narrower support has to bear [ratio]
+    spots: int = 40  # spots that are checked
+    headings: int = 16  # directions to drive in to each spot
+    been_m: float = 0.05  # base poses this close to one that failed are skipped [m, rad]
+    step_m: float = 0.08  # distance between two checks on the way in, for elbows that might meet a screen beside it [m]
+    off_m: float = 1.3  # largest distance to a spot beyond the known room; the base drives up to that [m]
+    leg_m: float = 1.2  # longest leg on the way there [m]
+    legs: int = 4  # most legs on the way there
+    far_m_s: float = 0.3  # speed of the base on the way there [m/s]
+    in_m_s: float = 0.2  # speed of the base on the way in [m/s]
+    lower_s_m: float = 7.0  # time for the hands to lower the box by a meter [s/m]
+    rise_s_m: float = 3.0  # time for the hands to rise beside it by a meter [s/m]
+    above_m: float = 0.08  # rise of the hands before the base draws them back [m]; lower, they would sweep things
 
 
 _DRIVE_IN = DrivingIn()

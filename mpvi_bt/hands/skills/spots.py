@@ -25,37 +25,23 @@ _FLOORS = ("floor", "ground")
 
 @dataclass(frozen=True)
 class Clearances:
-    """What stays free around a payload where it is set down, and what has to bear it.
+    """Free room around a payload where it is set down, and its support.
 
-    Our choice, by how far arms and boxes about things are off.
-
-    Attributes:
-        clear_m: Clearance of the payload from other things on a surface [m],
-        tight_m: and where there is no more room, such as on a saucer [m].
-        floor_m: Clearance from things on the floor that it is set down beside, or that are below the same table [m].
-        headroom_m: Free height above a spot for the payload and the hand [m],
-        above_m: or free height above the payload, where there is no more [m].
-        arm_m: Free height above a payload beside another thing, for the arm that brings it [m].
-        levels: Heights of the payload that are checked.
-        feet: Radius of the ring on which a payload has to be borne [ratio of its own radius]:
-        below_m: this far below its underside [m]
-        borne_m: something has to be within this distance [m].
-        sunk_m: The same for its outline in a pose: this far below its underside [m]
-        out_m: something has to be within this distance, which is how far it may stand out over an edge [m].
+    Our choice, by errors of arms and of boxes about things.
     """
 
-    clear_m: float = 0.03
-    tight_m: float = 0.008
-    floor_m: float = 0.01
-    headroom_m: float = 0.35
-    above_m: float = 0.03
-    arm_m: float = 0.6
-    levels: int = 4
-    feet: float = 0.6
-    below_m: float = 0.008
-    borne_m: float = 0.012
-    sunk_m: float = 0.012
-    out_m: float = 0.005
+    clear_m: float = 0.03  # clearance of the payload from other things on a surface [m]
+    tight_m: float = 0.008  # clearance where there is no more room, such as on a saucer [m]
+    floor_m: float = 0.01  # clearance from things on the floor, beside the payload or below the same table [m]
+    headroom_m: float = 0.35  # free height above a spot for the payload and the hand [m]
+    above_m: float = 0.03  # free height above the payload, where there is no more [m]
+    arm_m: float = 0.6  # free height above a payload beside another thing, for the arm that brings it [m]
+    levels: int = 4  # heights of the payload that are checked
+    feet: float = 0.6  # radius of the ring that has to be supported [ratio of the payload's radius]
+    below_m: float = 0.008  # depth below the underside at which support is looked for [m]
+    borne_m: float = 0.012  # largest distance to that support [m]
+    sunk_m: float = 0.012  # depth below the underside at which support of the outline is looked for [m]
+    out_m: float = 0.005  # largest distance to that support, so the largest overhang over an edge [m]
 
 
 _CLEAR = Clearances()
@@ -63,29 +49,19 @@ _CLEAR = Clearances()
 
 @dataclass(frozen=True)
 class SpotGrid:
-    """Which spots are looked at.
+    """Which spots are searched.
 
-    Our choice: as fine as a search can afford, each of them costs a search for a stance.
-
-    Attributes:
-        grid_m: Distance between spots [m]; on the floor twice that.
-        spots: Spots that are tried of one lean and one headroom.
-        sectors: Directions around a thing that a payload is set down in, and that its width is measured in.
-        level_m: Faces that differ in height by less are one board [m].
-        floor_m: Nearest and farthest spot on the floor, from the middle of the base [m],
-        best_m: and the most comfortable one [m];
-        behind: a spot behind the robot counts as twice this farther off [m].
-        legs_m: Radius around a spot below a thing that has to be below it, too [m]: no leg of a table stands there.
+    Our choice: as fine as a search can afford; each of them costs a search for a stance.
     """
 
-    grid_m: float = 0.06
-    spots: int = 4
-    sectors: int = 12
-    level_m: float = 0.02
-    floor_m: tuple[float, float] = (0.45, 0.9)
-    best_m: float = 0.6
-    behind: float = 0.3
-    legs_m: float = 0.03
+    grid_m: float = 0.06  # distance between spots [m]; on the floor twice that
+    spots: int = 4  # spots that are tried of one lean and one headroom
+    sectors: int = 12  # directions around a thing for the spots of a payload and for its width
+    level_m: float = 0.02  # faces that differ in height by less are one board [m]
+    floor_m: tuple[float, float] = (0.45, 0.9)  # nearest and farthest spot on the floor from the base's middle [m]
+    best_m: float = 0.6  # most comfortable distance of such a spot [m]
+    behind: float = 0.3  # a spot behind the robot counts as twice this farther off [m]
+    legs_m: float = 0.03  # radius around a spot below a thing that has to be below it, too [m]; table legs are outside
 
 
 _GRID = SpotGrid()
@@ -93,31 +69,17 @@ _GRID = SpotGrid()
 
 @dataclass(frozen=True)
 class NextTo:
-    """How near to a thing a payload is set down that is to be next to it.
+    """How close to a thing a payload is set down that is to be next to it."""
 
-    Our choice.
-
-    Attributes:
-        touch_m: Clearance of the payload from the thing [m],
-        gaps_m: or clearances a little larger, where that still counts as next to it [m].
-        best_m: The best of these [m],
-        gap_cost: and the cost of each meter off it.
-        outward: Cost of each meter by which the payload reaches away from the thing: what is long lies along it.
-        step_m: Distance between two places that are checked on the way out [m],
-        beyond_m: which ends so far beyond touching circles about the two [m].
-        sure: Part of the gap at which the goals of tasks still call two things next to each other [ratio].
-        before_m: Distance from which a thing is taken [m].
-    """
-
-    touch_m: float = 0.005
-    gaps_m: tuple[float, ...] = (0.006, 0.012, 0.02, 0.03)
-    best_m: float = 0.012
-    gap_cost: float = 2.0
-    outward: float = 1.0
-    step_m: float = 0.004
-    beyond_m: float = 0.08
-    sure: float = 0.75
-    before_m: float = 0.6
+    touch_m: float = 0.005  # clearance of the payload from the thing [m]; our choice
+    gaps_m: tuple[float, ...] = (0.006, 0.012, 0.02, 0.03)  # larger clearances that still count [m]; our choice
+    best_m: float = 0.012  # the best of these [m]; our choice
+    gap_cost: float = 2.0  # cost of each meter off the best; our choice
+    outward: float = 1.0  # cost of each meter of reach away from the thing; a long payload lies along it; our choice
+    step_m: float = 0.004  # distance between two places that are checked on the way out [m]; our choice
+    beyond_m: float = 0.08  # the way out ends this far beyond touching circles about the two [m]; our choice
+    sure: float = 0.75  # part of the gap at which goals still call two things next to each other [ratio]; our choice
+    before_m: float = 0.6  # distance from which a thing is taken [m]; our choice
 
 
 _NEXT_TO = NextTo()

@@ -29,31 +29,20 @@ OVER_M = 0.08  # our choice: so far above what it works on a tool comes and goes
 
 @dataclass(frozen=True)
 class Patches:
-    """The parts in which a surface is worked over.
+    """The parts into which a surface is divided for work.
 
     Our choice, by what arms reach from one place.
-
-    Attributes:
-        wiped_m: Largest side of a patch that is wiped from one stance [m],
-        sprayed_m: or sprayed from one place [m],
-        larger: which may be larger by this [ratio].
-        least_m: Smallest side to which a patch out of reach is divided [m].
-        alike_m: Patches that differ by less are one, seen better [m].
-        missed: Part of a surface that may be out of reach [ratio].
-        again: Times in one call that a patch is tried again where something held up the arm.
-        top_m: Upper faces, or undersides of a tool, that differ in height by less are one [m].
-        along_m: Other upper faces of a thing that are this far below are wiped along with the highest [m]: so far
-            below its underside a tool takes marks (`rules.marks`).
     """
 
-    wiped_m: float = 0.34
-    sprayed_m: float = 0.30
-    larger: float = 0.2
-    least_m: float = 0.2
-    alike_m: float = 0.03
-    missed: float = 0.05
-    again: int = 3
-    top_m: float = 0.01
+    wiped_m: float = 0.34  # largest side of a patch that is wiped from one stance [m]
+    sprayed_m: float = 0.30  # largest side of a patch that is sprayed from one place [m]
+    larger: float = 0.2  # both may be larger by this [ratio]
+    least_m: float = 0.2  # smallest side to which a patch out of reach is divided [m]
+    alike_m: float = 0.03  # patches that differ by less are one, seen better [m]
+    missed: float = 0.05  # part of a surface that may be out of reach [ratio]
+    again: int = 3  # times in one call that a patch is tried again after the arm was held up
+    top_m: float = 0.01  # upper faces, or undersides of a tool, that differ in height by less are one [m]
+    # upper faces this far below the highest are wiped along with it [m]; a tool takes marks that deep (`rules.marks`)
     along_m: float = 0.02
 
 
@@ -62,31 +51,18 @@ _PATCHES = Patches()
 
 @dataclass(frozen=True)
 class Strokes:
-    """How a tool goes over a patch.
+    """How a tool moves over a patch."""
 
-    Our choice.
-
-    Attributes:
-        wipe_m: Height of the tool's underside over what is wiped [m]: the arm's give does the pressing.
-        past_m: Overlap of the strokes beyond the edge, where there is room [m]: by sight an edge is not known better.
-        past_cost: Cost of each meter less of it.
-        lanes: Distance between two lanes [ratio of the tool's width]: below 1 they overlap.
-        turns_rad: Turns of the tool about the vertical, from the patch's axes [rad].
-        turn_cost: Cost of each radian of it.
-        speed_rad_s: Speed of the fastest joint [rad/s].
-        spray_m: Height of the tool over what is sprayed [m],
-        spray_s: and time over each part of it [s].
-    """
-
-    wipe_m: float = 0.002
-    past_m: float = 0.03
-    past_cost: float = 10.0
-    lanes: float = 0.85
+    wipe_m: float = 0.002  # height of the tool's underside over the surface [m]; the arm's give presses it; our choice
+    past_m: float = 0.03  # overlap of the strokes beyond the edge [m]; sight knows edges no better; our choice
+    past_cost: float = 10.0  # cost of each meter less of it; our choice
+    lanes: float = 0.85  # distance between two lanes [ratio of the tool's width]; below 1 they overlap; our choice
+    # turns of the tool about the vertical, from the patch's axes [rad]; our choice
     turns_rad: tuple[float, ...] = tuple(np.arange(4) * np.pi / 2)
-    turn_cost: float = 0.1
-    speed_rad_s: float = 1.2
-    spray_m: float = 0.15
-    spray_s: float = 1.0
+    turn_cost: float = 0.1  # cost of each radian of turn; our choice
+    speed_rad_s: float = 1.2  # speed of the fastest joint [rad/s]; our choice
+    spray_m: float = 0.15  # height of the tool over the sprayed surface [m]; our choice
+    spray_s: float = 1.0  # time over each part of it [s]; our choice
 
 
 _STROKES = Strokes()

@@ -28,54 +28,32 @@ class CourseParameters:
     """How a course is searched for.
 
     Our choice: as many checks as keep a search below some seconds.
-
-    Attributes:
-        pitches_rad: Of the trunk [rad].
-        run_ups_m: The arm takes its posture that far behind, in the open, and the base drives it in [m].
-        samples: Of a course, for checks of what is in the way,
-        between: and steps from one to the next, for whether the arm reaches all of it.
-        leap_rad: Between steps; more is another elbow [rad].
-        checked_postures: Of one base pose.
-        most_effort: Of one search; a base pose takes 1,
-        glance: or that if no posture is worth a look at its whole way.
-        margin_m: That the arm keeps from everything [m].
-        alike_m: Ends of courses that are no farther apart are one [m], and as many radians.
-        checked_run_up: Parts of the run-up at which the body is checked [ratio].
-        swivels: Positions of the elbow.
-        pitch_weight: Weight of a radian of pitch in how far apart two torsos are; that of a meter of lift is 1.
-        ahead_m: Distances of the base from the place of the touch [m],
-        best_m: the most comfortable of them [m],
-        laterals_m: offsets to the side of the hand [m],
-        turns_rad: and turns from the heading of the course [rad].
-        turn_cost: Cost of each radian of these,
-        way_cost: and of each meter of driving.
-        been_m: A base pose this near to one that failed fails, too [m],
-        been_rad: if it is turned alike up to this [rad].
-        bent_rad: Of the elbow [rad]: a stretched arm cannot make up for a base that trails its goal.
     """
 
-    pitches_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2)
+    pitches_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2)  # pitches of the trunk [rad]
+    # the arm takes its posture this far behind, in the open, and the base drives it in [m]
     run_ups_m: tuple[float, float, float] = (0.4, 0.25, 0.12)
-    samples: int = 5
-    between: int = 4
-    leap_rad: float = 0.5
-    checked_postures: int = 12
-    most_effort: float = 24.0
-    glance: float = 0.25
-    margin_m: float = 0.01
-    alike_m: float = 0.05
-    checked_run_up: tuple[float, ...] = (1.0, 0.66, 0.33, 0.0)
-    swivels: int = 16
-    pitch_weight: float = 0.8
+    samples: int = 5  # samples of a course for collision checks
+    between: int = 4  # steps between two samples, for checks of reach
+    leap_rad: float = 0.5  # joint change between steps above which the elbow flips [rad]
+    checked_postures: int = 12  # postures checked of one base pose
+    most_effort: float = 24.0  # effort of one search; a base pose takes 1
+    glance: float = 0.25  # effort of a base pose without a posture worth a look at its whole way
+    margin_m: float = 0.01  # clearance of the arm [m]
+    alike_m: float = 0.05  # ends of courses closer than this are one [m], or as many radians
+    checked_run_up: tuple[float, ...] = (1.0, 0.66, 0.33, 0.0)  # parts of the run-up where the body is checked [ratio]
+    swivels: int = 16  # positions of the elbow
+    pitch_weight: float = 0.8  # weight of a radian of pitch in the distance of two torsos; a meter of lift has 1
+    # distances of the base from the place of the touch [m]
     ahead_m: tuple[float, ...] = (0.40, 0.46, 0.52, 0.58, 0.64, 0.70, 0.77, 0.84)
-    best_m: float = 0.56
-    laterals_m: tuple[float, ...] = (0.18, 0.10, 0.26, 0.02, 0.34, -0.08)
-    turns_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
-    turn_cost: float = 0.4
-    way_cost: float = 0.1
-    been_m: float = 0.05
-    been_rad: float = 0.2
-    bent_rad: float = -0.4
+    best_m: float = 0.56  # the most comfortable of them [m]
+    laterals_m: tuple[float, ...] = (0.18, 0.10, 0.26, 0.02, 0.34, -0.08)  # offsets to the side of the hand [m]
+    turns_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8)  # turns from the course's heading [rad]
+    turn_cost: float = 0.4  # cost of each radian of turn
+    way_cost: float = 0.1  # cost of each meter of driving
+    been_m: float = 0.05  # base poses this close to one that failed are skipped [m]
+    been_rad: float = 0.2  # the same if turned alike up to this [rad]
+    bent_rad: float = -0.4  # least bend of the elbow [rad]; a stretched arm cannot make up for a base that trails
 
 
 _COURSE = CourseParameters()

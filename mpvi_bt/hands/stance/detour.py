@@ -15,17 +15,13 @@ from mpvi_bt.hands.stance.site import KNOWN_M, Site
 
 @dataclass(frozen=True)
 class DetourParameters:
-    """The grid of places to drive by.
+    """The grid of intermediate places.
 
-    Our choice: no finer than the base is off.
-
-    Attributes:
-        step_m: Between places [m].
-        beside_m: From the last of them to the goal [m].
+    Our choice: no finer than the error of the base.
     """
 
-    step_m: float = 0.12
-    beside_m: float = 0.2
+    step_m: float = 0.12  # distance between places [m]
+    beside_m: float = 0.2  # distance from the last place to the goal [m]
 
 
 _DETOUR = DetourParameters()

@@ -22,56 +22,33 @@ class Pinch:
     """How a thing is pinched.
 
     Our choice, by things of the tasks: fingers close straight, and draw along what they touch first.
-
-    Attributes:
-        spare_m: Opening beyond the width of what is to be taken, both sides together [m].
-        before_m: The most that the fingers close before the middle of a thing that is deep for the palm [m].
-        long_m: A thing that reaches farther from its middle is pinched nearer to its ends, too [m],
-        nearer: by such shares of the way [ratio].
-        nearer_cost: Of each meter of it: what hangs from one end is heavy for the fingers.
-        part_cost: Of a pinch of one part.
-        levels: Heights of parts that a pinch may be at.
-        off_center_m: Of the hand, across the thing [m]: its wall is nearer than half a palm.
-        off_center_cost: Of each meter of it: the hand draws the thing along as it closes.
-        gap_m: That stays between a thing and the finger that is nearer [m].
-        tilts_rad: Of the approach, from straight down [rad].
-        deep_m: Depth of the tcp below the top of what is pinched, at the least [m],
-        low: and height of the tcp in it, at the least [ratio of its own].
-        steep: Least cosine of the tilt by which the room before the palm is projected.
-        margin_m: Height of the tcp over the top at which a thing is too flat; also between its top and the palm [m].
-        tilt_cost: Cost of each radian of tilt,
-        before_cost: of each meter that the fingers close before the middle,
-        shallow_cost: of each meter that the tcp is less deep than `deep_m`,
-        aside_cost: and of each radian that the hand comes from another side than the robot's.
-        same_m: Tops that differ by less are one [m].
-        slack_m: Overlap of fingers, and of palm, with the rest of the thing that may be: spheres are larger [m].
-        step_m: Distance between points between the pads that are looked at [m].
-        upright: Least cosine with the vertical of the axis of a round thing.
     """
 
-    spare_m: float = 0.035
-    before_m: float = 0.05
-    long_m: float = 0.05
-    nearer: tuple[float, float, float] = (0.0, 0.35, 0.7)
-    nearer_cost: float = 3.0
-    part_cost: float = 0.1
-    levels: int = 4
+    spare_m: float = 0.035  # opening beyond the width of the thing, both sides together [m]
+    before_m: float = 0.05  # farthest that the fingers close before the middle of a thing that is deep for the palm [m]
+    long_m: float = 0.05  # a thing that reaches farther from its middle is pinched nearer to its ends, too [m]
+    nearer: tuple[float, float, float] = (0.0, 0.35, 0.7)  # parts of the way to its ends [ratio]
+    nearer_cost: float = 3.0  # cost of each meter of that way; a thing that hangs from one end is heavy for the fingers
+    part_cost: float = 0.1  # cost of a pinch of one part
+    levels: int = 4  # heights of parts at which they may be pinched
+    # offsets of the hand across the thing [m]; its wall is nearer than half a palm
     off_center_m: tuple[float, ...] = (0.006, -0.006, 0.012, -0.012)
-    off_center_cost: float = 5.0
-    gap_m: float = 0.004
-    tilts_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
-    deep_m: float = 0.012
-    low: float = 0.45
-    steep: float = 0.3
-    margin_m: float = 0.004
-    tilt_cost: float = 0.4
-    before_cost: float = 3.0
-    shallow_cost: float = 4.0
-    aside_cost: float = 0.3
-    same_m: float = 0.005
+    off_center_cost: float = 5.0  # cost of each meter of that offset; the closing hand draws the thing along
+    gap_m: float = 0.004  # gap between a thing and the nearer finger [m]
+    tilts_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)  # tilts from straight down [rad]
+    deep_m: float = 0.012  # least depth of the tcp below the top of the pinched part [m]
+    low: float = 0.45  # least height of the tcp in it [ratio of its height]
+    steep: float = 0.3  # least cosine of the tilt by which the room before the palm is projected
+    margin_m: float = 0.004  # the tcp of a flat thing is at most this far over its top; also gap of top and palm [m]
+    tilt_cost: float = 0.4  # cost of each radian of tilt
+    before_cost: float = 3.0  # cost of each meter that the fingers close before the middle
+    shallow_cost: float = 4.0  # cost of each meter that the tcp is less deep than `deep_m`
+    aside_cost: float = 0.3  # cost of each radian that the hand comes from another side than the robot's
+    same_m: float = 0.005  # tops that differ by less are one [m]
+    # allowed overlap of fingers, and of the palm, with the rest of the thing [m]; spheres are larger
     slack_m: tuple[float, float] = (0.002, 0.008)
-    step_m: float = 0.004
-    upright: float = 0.95
+    step_m: float = 0.004  # distance between the checked points between the pads [m]
+    upright: float = 0.95  # least cosine with the vertical of the axis of a round thing
 
 
 _PINCH = Pinch()
@@ -82,18 +59,12 @@ class BarGrasp:
     """How a bar is grasped.
 
     Our choice: level, straight from its free side, and not from beyond the thing.
-
-    Attributes:
-        turns_rad: Turns of the approach about the bar [rad].
-        rising: Largest upward part of the approach [sine].
-        tilt_cost: Cost of each radian of its tilt from straight down,
-        turn_cost: and of each radian of its turn.
     """
 
-    turns_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
-    rising: float = 0.2
-    tilt_cost: float = 0.3
-    turn_cost: float = 0.3
+    turns_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)  # turns of the approach about the bar [rad]
+    rising: float = 0.2  # largest upward part of the approach [sine]
+    tilt_cost: float = 0.3  # cost of each radian of tilt from straight down
+    turn_cost: float = 0.3  # cost of each radian of turn
 
 
 _BAR = BarGrasp()
@@ -104,42 +75,24 @@ class Rim:
     """How a vessel is pinched by its rim.
 
     Our choice, by bowls, baskets and bins.
-
-    Attributes:
-        opening_m: Of the hand [m].
-        depth_m: Of the tcp below the rim, along the approach [m].
-        wall_m: Thicker walls are no rims [m].
-        cost: Beside a pinch of the whole.
-        tilts_rad: Along the rim [rad].
-        covers: Cost of a hand right over the opening.
-        far_cost: Cost of each radian around the rim from the robot's side,
-        tilt_cost: and of each radian of tilt.
-        upright: Least cosine with the vertical of the axis of an open vessel.
-        lid_m: A lid is looked for so far inward of the edge and above it [m].
-        below_m: The wall is looked for so far below the edge [m],
-        from_m: from so far within the volume to beyond the thickest wall [m],
-        to_m: by this [m],
-        step_m: in such steps [m].
-        least_m: Depth of the tcp below the rim, at the least [m].
-        around: Places around a round rim.
     """
 
-    opening_m: float = 0.056
-    depth_m: float = 0.018
-    wall_m: float = 0.03
-    cost: float = 0.15
-    tilts_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 0.9, -0.9)
-    covers: float = 0.8
-    far_cost: float = 0.15
-    tilt_cost: float = 0.4
-    upright: float = 0.9
-    lid_m: tuple[float, float] = (0.01, 0.006)
-    below_m: float = 0.008
-    from_m: float = 0.004
-    to_m: float = 0.002
-    step_m: float = 0.001
-    least_m: float = 0.002
-    around: int = 16
+    opening_m: float = 0.056  # opening of the hand [m]
+    depth_m: float = 0.018  # depth of the tcp below the rim, along the approach [m]
+    wall_m: float = 0.03  # thicker walls are no rims [m]
+    cost: float = 0.15  # cost beside a pinch of the whole
+    tilts_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 0.9, -0.9)  # tilts along the rim [rad]
+    covers: float = 0.8  # cost of a hand right over the opening
+    far_cost: float = 0.15  # cost of each radian around the rim from the robot's side
+    tilt_cost: float = 0.4  # cost of each radian of tilt
+    upright: float = 0.9  # least cosine with the vertical of the axis of an open vessel
+    lid_m: tuple[float, float] = (0.01, 0.006)  # a lid is looked for this far inward of the edge and above it [m]
+    below_m: float = 0.008  # the wall is looked for this far below the edge [m]
+    from_m: float = 0.004  # from this far within the volume [m]
+    to_m: float = 0.002  # to this far beyond the thickest wall [m]
+    step_m: float = 0.001  # in these steps [m]
+    least_m: float = 0.002  # least depth of the tcp below the rim [m]
+    around: int = 16  # places around a round rim
 
 
 _RIM = Rim()

@@ -26,25 +26,17 @@ from mpvi_bt.hands.stance.stance import Option, Stance
 
 @dataclass(frozen=True)
 class PostureParameters:
-    """Which postures are looked at from one base pose.
+    """Which postures are checked from one base pose.
 
-    Our choice: as many as keep a search below some seconds; what is cheap to refute is looked at more often.
-
-    Attributes:
-        pitches_rad: Of the trunk [rad].
-        margin_m: That the arm keeps from everything where the hand works [m].
-        ranked: Postures that are checked where the hand works.
-        glanced: Of those, looked at where the other waypoints are, and found wanting,
-        refused: as many for one option.
-        checked: Of those that are left, on the whole way.
+    Our choice: as many as keep a search below some seconds; cheap checks come first and are more.
     """
 
-    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)
-    margin_m: float = 0.012
-    ranked: int = 1200
-    glanced: int = 80
-    refused: int = 4
-    checked: int = 16
+    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)  # pitches of the trunk [rad]
+    margin_m: float = 0.012  # clearance of the arm at the work place [m]
+    ranked: int = 1200  # postures that are checked at the work place
+    glanced: int = 80  # of those, postures that may fail at the other waypoints
+    refused: int = 4  # the same for one option
+    checked: int = 16  # remaining postures that are checked on the whole way
 
 
 _POSTURE = PostureParameters()

@@ -15,17 +15,13 @@ from mpvi_bt.ground.robot.collision import Obstacles
 
 @dataclass(frozen=True)
 class Telling:
-    """How much is told of what candidates died of.
+    """How much is reported about rejected candidates.
 
     Our choice: what a person reads in one line.
-
-    Attributes:
-        asked: Refusals of one kind that are looked into for what was in the way.
-        named: Things that are told of one kind.
     """
 
-    asked: int = 4
-    named: int = 2
+    asked: int = 4  # refusals of one kind that are checked for the obstacle
+    named: int = 2  # obstacles that are named per kind
 
 
 _TELLING = Telling()

@@ -31,22 +31,12 @@ _VIEWS = 16  # our choice: views of the surroundings that are kept
 
 @dataclass(frozen=True)
 class ShortWays:
-    """Which ways of the base are looked at.
+    """Which ways of the base are searched.
 
-    Our choice: as a person would step around a chair. What is farther off is left to navigation.
-
-    Attributes:
-        vias_m: Intermediate places where the straight way is barred: ahead and left of either end of it [m].
-        legs_m: Legs toward what is too far off, the longest first [m],
-        headings: in so many directions around the base,
-        nearer_m: if they lead nearer by at least this [m].
-        step_m: Distance between two checks on a leg [m],
-        step_rad: and turn between them, at the most [rad].
-        leaving: First part of a way that is not checked, as the base stands there already [ratio].
-        turning: First part of a leg on which the corners of a base that is not round swing out [ratio],
-        turning_samples: with so many checks.
+    Our choice: as a person would step around a chair. Longer ways are left to navigation.
     """
 
+    # intermediate places if the straight way is barred: ahead and left of either end of it [m]
     vias_m: tuple[tuple[float, float], ...] = (
         (-0.35, 0.0),
         (-0.7, 0.0),
@@ -55,14 +45,14 @@ class ShortWays:
         (-0.35, 0.5),
         (-0.35, -0.5),
     )
-    legs_m: tuple[float, ...] = (1.3, 1.0, 0.7)
-    headings: int = 16
-    nearer_m: float = 0.2
-    step_m: float = 0.12
-    step_rad: float = 0.3
-    leaving: float = 0.3
-    turning: float = 1 / 3
-    turning_samples: int = 4
+    legs_m: tuple[float, ...] = (1.3, 1.0, 0.7)  # legs toward a place that is too far off, the longest first [m]
+    headings: int = 16  # directions of such legs around the base
+    nearer_m: float = 0.2  # least gain of such a leg [m]
+    step_m: float = 0.12  # distance between two checks on a leg [m]
+    step_rad: float = 0.3  # largest turn between two checks [rad]
+    leaving: float = 0.3  # first part of a way that is not checked, as the base stands there already [ratio]
+    turning: float = 1 / 3  # first part of a leg on which the corners of a base that is not round swing out [ratio]
+    turning_samples: int = 4  # checks on that part
 
 
 _WAYS = ShortWays()
@@ -70,21 +60,14 @@ _WAYS = ShortWays()
 
 @dataclass(frozen=True)
 class PayloadAside:
-    """How a hand that is not to work brings its payload aside.
+    """How an idle hand moves its payload aside."""
 
-    Our choice.
-
-    Attributes:
-        pitches_rad: Pitches of the torsos from which the payload should be in reach there [rad].
-        turns_rad: Turns of the payload about the vertical [rad]: with a wrist of little range, bent torsos need one.
-        share: Part of the torsos; where fewer reach the payload as it is turned, another turn is taken [ratio].
-        swivels: Positions of the elbow.
-    """
-
+    # pitches of the torsos from which the payload should be in reach there [rad]; our choice
     pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)
+    # turns of the payload about the vertical [rad]; bent torsos need one for a wrist of little range; our choice
     turns_rad: tuple[float, ...] = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
-    share: float = 0.2
-    swivels: int = 12
+    share: float = 0.2  # least part of the torsos that reach the payload, or another turn is tried [ratio]; our choice
+    swivels: int = 12  # positions of the elbow; our choice
 
 
 _ASIDE = PayloadAside()
@@ -92,28 +75,24 @@ _ASIDE = PayloadAside()
 
 @dataclass(frozen=True)
 class PayloadMeanwhile:
-    """Where the hand that is to work brings its payload while the torso moves: out, or on to where it works.
+    """Where the working hand holds its payload while the torso moves: out, or on to the work place.
 
-    Our choice: a torso that is lowered or bent would meet what hangs close to it, such as a sack from its handle.
-
-    Attributes:
-        out_m: Offsets out from where the payload is: x, y toward the hand's own side, z [m],
-        out_rad: and turns about the vertical, for what is broad and hangs on the near side of its hand [rad].
-        on_m: Offsets of the middle of the way on, where what stands over the place leaves no room to be out [m].
-        samples: Samples of a payload's way while it keeps its place or rides along,
-        more: and while it is brought out or on.
+    Our choice: a lowered or bent torso would meet a payload that hangs close to it, such as a sack from its handle.
     """
 
+    # offsets out from where the payload is: x, y toward the hand's own side, z [m]
     out_m: tuple[tuple[float, float, float], ...] = ((0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2))
+    # turns about the vertical out there, for a broad payload on the near side of its hand [rad]
     out_rad: tuple[float, ...] = (0.0, 0.8, -0.8)
+    # offsets of the middle of the way on, if something over the place leaves no room out there [m]
     on_m: tuple[tuple[float, float, float], ...] = (
         (0.0, 0.0, 0.0),
         (0.0, 0.0, 0.15),
         (-0.15, 0.0, 0.0),
         (0.15, 0.0, 0.15),
     )
-    samples: int = 6
-    more: int = 12
+    samples: int = 6  # samples of a payload's way while it keeps its place or rides along
+    more: int = 12  # samples while it is moved out or on
 
 
 _MEANWHILE = PayloadMeanwhile()
@@ -121,21 +100,12 @@ _MEANWHILE = PayloadMeanwhile()
 
 @dataclass(frozen=True)
 class Comfort:
-    """What makes a posture worse than another.
+    """Costs that make one posture worse than another."""
 
-    Our choice.
-
-    Attributes:
-        limit: Cost of joints near their limits.
-        pitch: Cost of each radian that the trunk is bent.
-        lift: Cost of each meter that the trunk is raised or lowered.
-        arm: Cost of each radian that a joint of the arm moves.
-    """
-
-    limit: float = 3.0
-    pitch: float = 0.6
-    lift: float = 0.5
-    arm: float = 0.1
+    limit: float = 3.0  # cost of joints near their limits; our choice
+    pitch: float = 0.6  # cost of each radian of the trunk's pitch; our choice
+    lift: float = 0.5  # cost of each meter that the trunk is raised or lowered; our choice
+    arm: float = 0.1  # cost of each radian that a joint of the arm moves; our choice
 
 
 _COMFORT = Comfort()
@@ -143,19 +113,11 @@ _COMFORT = Comfort()
 
 @dataclass(frozen=True)
 class WorkPlace:
-    """What makes a base pose worse than another, by where the hand's work is as seen from it.
+    """Costs that make one base pose worse than another, by the work place seen from it."""
 
-    Our choice.
-
-    Attributes:
-        ahead: Cost of each meter off the most comfortable distance ahead.
-        lateral_m: Most comfortable offset to the side of the hand [m].
-        lateral: Cost of each meter off that.
-    """
-
-    ahead: float = 1.2
-    lateral_m: float = 0.16
-    lateral: float = 0.5
+    ahead: float = 1.2  # cost of each meter off the most comfortable distance ahead; our choice
+    lateral_m: float = 0.16  # most comfortable offset to the side of the hand [m]; our choice
+    lateral: float = 0.5  # cost of each meter off that offset; our choice
 
 
 WORK_PLACE = WorkPlace()

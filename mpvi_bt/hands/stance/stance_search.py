@@ -25,30 +25,21 @@ from mpvi_bt.hands.stance.stance import Option, Stance
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Which base poses are looked at.
+    """Which base poses are searched.
 
     Our choice: as many as keep a search below some seconds.
-
-    Attributes:
-        glance: Of a full check [ratio]: no posture was clear even where the hand works.
-        checked: Of one spacing.
-        been_m: From where nothing was in reach [m]: what is that near was not either.
-        step_m: Between checks on the way in [m].
-        laterals_m: From straight ahead of the place to the side of the hand [m].
-        turns_rad: From the way to the place, the plainest first [rad].
-        best_m: Most comfortable distance to the place [m].
-        way_cost: Cost of each meter of driving,
-        turn_cost: and of each radian of `turns_rad`.
     """
 
-    glance: float = 0.25
-    checked: int = 12
-    been_m: float = 0.4
-    step_m: float = 0.06
-    best_m: float = 0.58
-    way_cost: float = 0.6
-    turn_cost: float = 0.3
+    glance: float = 0.25  # effort of a check that finds no clear posture at the work place [ratio of a full check]
+    checked: int = 12  # base poses checked at one spacing
+    been_m: float = 0.4  # base poses this close to one with nothing in reach are skipped [m]
+    step_m: float = 0.06  # distance between checks on the way in [m]
+    best_m: float = 0.58  # most comfortable distance to the place [m]
+    way_cost: float = 0.6  # cost of each meter of driving
+    turn_cost: float = 0.3  # cost of each radian of `turns_rad`
+    # offsets from straight ahead of the place to the side of the hand [m]
     laterals_m: tuple[float, ...] = (0.0, 0.10, 0.18, 0.26)
+    # headings off the direction of the place, the plainest first [rad]
     # fmt: off
     turns_rad: tuple[float, ...] = (
         0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0,

@@ -22,21 +22,15 @@ from mpvi_bt.house.goals.world_state import WorldState
 
 @dataclass(frozen=True)
 class Spots:
-    """Where free places on a face are looked for.
+    """How free places on a face are searched.
 
     Our choice: finer than a hand is wide.
-
-    Attributes:
-        room_m: How far from the spot's neighborhood solids are looked for [m].
-        grid_m: From one place to the next [m].
-        wall_m: What rises that much through a face is a wall of its own [m].
-        square_rad: A face that is turned by more has a grid that is turned with it [rad].
     """
 
-    room_m: float = 2.5
-    grid_m: float = 0.05
-    wall_m: float = 0.01
-    square_rad: float = 0.05
+    room_m: float = 2.5  # distance around the spot in which solids are looked for [m]
+    grid_m: float = 0.05  # distance from one place to the next [m]
+    wall_m: float = 0.01  # a solid that rises this much through a face is a wall of its own [m]
+    square_rad: float = 0.05  # a face that is turned by more has a grid turned with it [rad]
 
 
 _SPOT = Spots()
