@@ -26,7 +26,7 @@ class Told(ScriptedPolicy):
     """Its skills succeed or fail as told, one after the other; it notes what it tried."""
 
     def __init__(self, outcomes: str) -> None:
-        super().__init__(cast("Scene", SimpleNamespace(exact=True)), load_skills())
+        super().__init__(cast("Scene", SimpleNamespace(needs_looks=False)), load_skills())
         self.outcomes, self.objects = list(outcomes), ""
 
     def _carries(self, work: Work, phrase: str) -> bool:
@@ -112,7 +112,7 @@ class Gives(ScriptedPolicy):
     """What it is told ends at once: "done" and shown, "lost" and done again, "undone", or a motion that "failed"."""
 
     def __init__(self, end: str) -> None:
-        super().__init__(cast("Scene", SimpleNamespace(exact=True)), load_skills())
+        super().__init__(cast("Scene", SimpleNamespace(needs_looks=False)), load_skills())
         self.end, self.performed = end, 0
 
     def perform(self, work: Work, prompt: str) -> Performance:
@@ -147,7 +147,7 @@ def test_it_gives_up_some_time_after_it_has_nothing_more_to_do(end: str, perform
 class Looks(ScriptedPolicy):
     """It looks once with the head, and keeps what pictures it had while it did and while it did not."""
 
-    exact = False
+    needs_looks = True
 
     def __init__(self) -> None:
         super().__init__(cast("Scene", self), load_skills())

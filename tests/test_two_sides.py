@@ -33,7 +33,7 @@ Looks = Callable[[Door, float], Door]  # how a door looks, by where the robot st
 class Deceived(TrueScene):
     """The truth, but for how doors look from where the robot stands. It is looked at all the same."""
 
-    exact = False
+    needs_looks, pose_error_m = True, 0.06
 
     def __init__(self, world: World, looks: Looks) -> None:
         super().__init__(world)

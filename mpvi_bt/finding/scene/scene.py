@@ -21,10 +21,12 @@ class Scene(Protocol):
     """What is known of things, by name, in the world frame [m].
 
     Attributes:
-        exact: Whether its answers are the world's own: no look adds to them, and nothing is hidden from them.
+        needs_looks: Whether a skill must look before it works: the scene knows only what pictures have shown.
+        pose_error_m: How far off the pose of a thing may be [m]; 0: poses are exact.
     """
 
-    exact: bool
+    needs_looks: bool
+    pose_error_m: float
 
     def knowledge(self) -> KnowledgeBase:
         """What there is and what it is called, what is carried or put away told apart."""

@@ -69,7 +69,8 @@ _LOOK = Looking()
 class Seen(Memory):
     """A `mpvi_bt.finding.scene.scene.Scene` of pictures."""
 
-    exact = False
+    needs_looks = True
+    pose_error_m = 0.06  # our choice: fits are off by some centimeters, and odometry after a drive by as much again
 
     def __init__(self, detector: Detector, standing: Standing | None = None) -> None:
         """See through `detector`; `standing` says what stands where no picture that was taken in here looks."""

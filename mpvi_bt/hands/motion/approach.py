@@ -97,12 +97,12 @@ def close_in(
         if looks or not studied(work, about):
             yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
-        with work.effort.sparing(0.0 if work.scene.exact else APPROACH.spared):
+        with work.effort.sparing(APPROACH.spared if work.scene.needs_looks else 0.0):
             stance = None if trusting else find(search, looks > 0)
         if stance is None and work.effort.left <= 0:
             yield from work.motion.wait(APPROACH.pause_s)
             stance = None if trusting else find(search, looks > 0)
-        if stance is None and not work.scene.exact:
+        if stance is None and work.scene.needs_looks:
             with work.scene.trusting(remembering=True):  # the base goes where little is in view from here
                 underfoot = work.search(side, touched).obstacles
             with work.scene.trusting():
@@ -114,7 +114,7 @@ def close_in(
             raise work.no_stance()
         tried.append(stance.base)
         away = stance.route[-1] - work.motion.felt.base_pose
-        if work.scene.exact or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
+        if not work.scene.needs_looks or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
             break
         if looks < APPROACH.looks - 1:
             for base in stance.route:
@@ -181,9 +181,9 @@ def take_up(work: Work, stance: Stance, search: Search) -> Actions:
 def arrive(
     work: Work, stance: Stance, search: Search, options: Callable[[], Sequence[Option]]
 ) -> Generator[Array, None, Stance]:
-    """Take up a stance and, where the scene is only seen, look from the hand and correct what is left to do."""
+    """Take up a stance and, where poses may be off, look from the hand and correct what is left to do."""
     yield from take_up(work, stance, search)
-    if work.scene.exact:
+    if not work.scene.pose_error_m:
         return stance
     yield from work.see(search.side)
     return _refined(work, search.side, stance, options())

@@ -48,11 +48,11 @@ _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (
 
 
 def study(work: Work, name: str | None) -> Actions:
-    """Look at a thing, and above it, or below what is high up; nothing where the scene is exact.
+    """Look at a thing, and above it, or below what is high up; nothing where the scene needs no looks.
 
     Without a name it looks at the floor ahead.
     """
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         return
     if name is None:
         yield from look_down(work, _GAZE.floor_rad)

@@ -90,8 +90,8 @@ class Work:
         return np.asarray(matmul(self.base, self.motion.robot.tcp(felt.torso, felt.arm[side], side)))
 
     def see(self, *cameras: str) -> Actions:
-        """Take one picture with each camera, the robot standing still; nothing where the scene is exact."""
-        if not self.scene.exact:
+        """Take one picture with each camera, the robot standing still; nothing where the scene needs no looks."""
+        if self.scene.needs_looks:
             self.wanted = cameras
             yield self.motion.still()
             self.wanted = ()

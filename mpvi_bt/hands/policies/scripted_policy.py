@@ -115,7 +115,7 @@ class ScriptedPolicy:
             self.note = ""
             self.ended = self.gave_up = False
             rng = np.random.default_rng([self._seed, self._calls])
-            meant = self._meant if self._scene.exact else {}  # what is only seen is numbered anew for each prompt
+            meant = {} if self._scene.needs_looks else self._meant  # what is seen is numbered anew for each prompt
             effort = Effort(_PERSIST.checks)
             self._work = Work(self._scene, Motion(felt), rng, effort=effort, meant=meant, grasped=self._grasped)
             self._actions = self._performed(self._work, self._prompt)

@@ -33,18 +33,17 @@ from mpvi_bt.hands.stance.course import Course, CourseStart
 class Shutting:
     """When a door is closed, by sight and by what the pushing fist feels.
 
-    Our choice. In an exact scene contact only confirms that a door is shut. If a door is only seen, place and angle
-    are off, and the fist goes on until something stops it.
+    Our choice. If poses are exact, contact only confirms that a door is shut. If they may be off, the fist goes on
+    until something stops it.
     """
 
     doors: int = 8  # most doors that one call closes
     closed: float = 0.03  # a door that is open by less counts as closed [ratio of its limit]
     facing: float = 0.7  # cosine between the outward directions of two fronts on the same side of a thing
     same_m: float = 0.1  # a door whose middle is still this close to where it was has not moved [m]
-    nearly: float = 0.85  # in an exact scene, progress of the push from which the door may be shut [ratio]
-    exact_m: float = 0.010  # in an exact scene, distance that a shut door holds the fist off its target [m]
-    unsure_rad: float = 0.2  # target past the closed position of a hinged door that is only seen [rad]
-    unsure_m: float = 0.06  # target past the closed position of a drawer that is only seen [m]
+    nearly: float = 0.85  # if poses are exact, progress of the push from which the door may be shut [ratio]
+    exact_m: float = 0.010  # if poses are exact, distance that a shut door holds the fist off its target [m]
+    unsure_rad: float = 0.2  # target past the closed position of a hinged door whose pose may be off [rad]
     moving: float = 0.15  # progress from which such a door may be shut [ratio]; it resists as it begins to move, too
     stopped_m: float = 0.02  # distance that such a shut door holds the fist off its target [m]
     stopped_steps: int = 3  # and for this many control steps in a row
@@ -118,7 +117,7 @@ def is_closed(door: Door) -> bool:
 def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Generator[Array, None, bool]:
     """Push a door home, or bring it home by its bar; returns whether it was felt to stop where it has to be."""
     flap = door.kind == "hinge" and not upright(door)
-    if not work.scene.exact or upright(door) or lid(door):
+    if work.scene.pose_error_m or upright(door) or lid(door):
         shape = work.motion.robot.hand
         courses, further = pushes(shape, door), pushes(shape, door, _beyond(work, door))
         for heading in _headings(work, door, courses):
@@ -153,28 +152,29 @@ def _headings(work: Work, door: Door, courses: Sequence[Course]) -> list[float]:
 
 def _beyond(work: Work, door: Door) -> float:
     """How far the fist goes beyond the closed door [rad or m] if nothing stops it."""
-    if work.scene.exact:
+    if not work.scene.pose_error_m:
         return PUSH.beyond
-    return _SHUT.unsure_m if door.kind == "slide" else _SHUT.unsure_rad
+    return work.scene.pose_error_m if door.kind == "slide" else _SHUT.unsure_rad
 
 
 def _push_home(
     work: Work, door: Door, course: Course, start: CourseStart, side: Side, idle: Side | None
 ) -> Generator[Array, None, bool]:
     motion, way = work.motion, door.position + _beyond(work, door)
+    unsure = work.scene.pose_error_m > 0
     held_up, left = 0, door.position
 
     def shut(x: float) -> bool:  # a shut door resists; to go on pushing would only shove the robot back
         nonlocal held_up, left
-        if work.scene.exact:
+        if not unsure:
             return x > _SHUT.nearly and resistance(motion, side) > _SHUT.exact_m
         held_up = held_up + 1 if resistance(motion, side) > _SHUT.stopped_m and x > _SHUT.moving else 0
         left = door.position - way * x
         return held_up >= _SHUT.stopped_steps
 
     def push() -> Actions:
-        yield from touch(work, course, side, until_contact=not work.scene.exact)
-        yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.scene.exact else FOLLOW.pushing)
+        yield from touch(work, course, side, until_contact=unsure)
+        yield from go_along(motion, course, side, start.torso_after, shut, FOLLOW.pushing if unsure else 1.0)
 
     yield from motion.grip(side, -1.0, GRIP.empty_s)
     yield from take_up(work, start, side, idle)

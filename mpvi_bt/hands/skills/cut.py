@@ -105,7 +105,7 @@ def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
     if not work.gripped(side):
         raise MotionFailure("dropped")
     yield from study(work, name)
-    if work.scene.exact and name in {entry.name for entry in work.scene.knowledge()}:
+    if not work.scene.needs_looks and name in {entry.name for entry in work.scene.knowledge()}:
         raise MotionFailure("not_cut")
 
 

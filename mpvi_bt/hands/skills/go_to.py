@@ -58,7 +58,7 @@ class RoomAhead:
     height_m: tuple[float, float] = (0.06, 1.45)
     specks: int = 10  # pixels nearer than an obstacle that may be noise
     far_m: float = 9.0  # room ahead if no obstacle is seen [m]
-    step_m: float = 0.15  # distance between two checks if the scene is exact [m]
+    step_m: float = 0.15  # distance between two checks if the scene needs no looks [m]
     load_m: float = 0.4  # radius around a hand with a payload in which what moves along is the payload [m]
     along_m: float = 0.03  # largest change of a payload's depth [m]
     pixels: int = 5  # window in which its depth is compared [px]
@@ -90,7 +90,7 @@ class _Drive:
         """Begin where a picture was just taken."""
         self._work, self._phrase = work, phrase
         self._side = float(work.rng.choice((-1.0, 1.0)))  # to pass on what bars the way
-        self._first = None if work.scene.exact else work.images["head"].depth  # shows what is carried, too
+        self._first = work.images["head"].depth if work.scene.needs_looks else None  # shows what is carried, too
 
     def all(self) -> Actions:
         """The whole of it."""

@@ -39,11 +39,11 @@ def looks_inside(work: Work, name: str) -> Iterator[Look]:
 
     It may have been seen in part, from the side, or past a payload. The order of viewpoints: where the robot stands, if
     it knows of no volume at all; before a door that stands open; turned to the container and, if there is still no
-    volume, to both sides; farther off; around it. An exact scene needs no looks. A container in a hand is looked at
+    volume, to both sides; farther off; around it. Some scenes need no looks. A container in a hand is looked at
     where it is, and then held out before the head, which may not have its rim in view where it is carried.
     """
     yield _from_here(work, name)
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         return
     if (side := next((s for s in work.motion.robot.sides if work.scene.holding(s) == name), None)) is not None:
         for turn in _VIEWS.held_out:

@@ -78,12 +78,12 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not able:
         raise MotionFailure("no_handle")
     door = able[0]
-    if not work.scene.exact and upright(door):
+    if work.scene.needs_looks and upright(door):
         yield from look_beside(work, door)
         yield from look_over(work, thing)
         door = next((d for d in work.scene.doors(thing) if d.bar is not None and stands_as(d, door)), door)
     yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         opened = any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name)
     else:  # the hand has felt the bar to the end, and knows better than a look from aside; but not if it is still there
         yield from look_over(work, thing)
@@ -238,7 +238,7 @@ def course_search(
     at = work.motion.felt.base_pose[:2]
     with work.scene.trusting(remembering=True):  # the way leads back and aside, of which little is in view
         near = work.scene.obstacles(at, AROUND_M, without)
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         parts = list(work.scene.solids(thing))
     else:
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, behind(d))]

@@ -98,7 +98,7 @@ def _plain(phrase: str) -> str:
 
 def look_over(work: Work, thing: str) -> Actions:
     """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         return
     for looks in range(_VIEWS.looks):
         middle = work.middle(thing)[:2]
@@ -113,7 +113,7 @@ def look_over(work: Work, thing: str) -> Actions:
 
 def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
     """Look at a thing from another side; returns whether there is a way to one. The truth needs no look."""
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         return False
     x, y, _ = work.motion.felt.base_pose
     middle = work.middle(thing)[:2]
@@ -185,7 +185,7 @@ def stand_before_open(work: Work, thing: str) -> Actions:
     """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
     hinged = [door for door in work.scene.doors(thing) if door.kind == "hinge" and not lid(door)]
     ajar = [door for door in hinged if door.position > _VIEWS.ajar * door.limit]
-    if ajar and not work.scene.exact:
+    if ajar and work.scene.needs_looks:
         yield from stand_before_front(work, thing, ajar[0])
         yield from look_over(work, thing)
 

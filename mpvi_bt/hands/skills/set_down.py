@@ -74,7 +74,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     surface = None if is_floor(words["surface"]) else work.nearest(words["surface"])
     for _ in range(_DRIVE_IN.legs):
         if surface is not None:
-            if not scene.exact and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
+            if scene.needs_looks and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
                 yield from look_over(work)
             yield from look_at(work, surface)
         box = seen_box(work, name)

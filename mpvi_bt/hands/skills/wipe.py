@@ -193,7 +193,7 @@ def _over(
 
 def _grounded(work: Work, search: Search, target: str) -> Search:
     """Keep the base out from under what is wiped where that is only seen: from near, its front is out of view."""
-    if work.scene.exact:
+    if not work.scene.needs_looks:
         return search
     columns = []
     for low, high in (s.aabb() for s in work.scene.solids(target)):

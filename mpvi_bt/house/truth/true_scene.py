@@ -83,7 +83,8 @@ class Truth(WorldState, Protocol):
 class TrueScene:
     """The `Scene` of a simulator."""
 
-    exact = True
+    needs_looks = False
+    pose_error_m = 0.0
 
     def __init__(self, truth: Truth) -> None:
         """Answer from `truth`."""
