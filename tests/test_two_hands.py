@@ -20,9 +20,10 @@ from mpvi_bt.ground.robot.squeeze import squeezes
 from mpvi_bt.hands.motion.both_hands import look_over, open_wide, together
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.hands.skills.box_grip import Box, behind, boxes_about, carcass, way_behind
+from mpvi_bt.hands.skills.box_grip import Box, boxes_about, carcass
 from mpvi_bt.hands.skills.lift import lift
 from mpvi_bt.hands.skills.set_down import set_down
+from mpvi_bt.hands.stance.base_search import RUN_UPS_M, BaseSearch, behind
 from mpvi_bt.house.goals.predicates import ontop
 from mpvi_bt.house.sim.world import Placement
 from mpvi_bt.house.truth.expert import ExpertPolicy
@@ -144,8 +145,9 @@ def test_hands_are_formed_as_far_behind_as_there_is_room(room_m: float, yaw: flo
     def drivable(start: Array, goal: Array) -> bool:
         return float(np.linalg.norm(start[:2] - goal[:2])) <= room_m
 
-    search: Any = SimpleNamespace(drivable=drivable, route=lambda here, goal: [goal])
-    way = way_behind(search, np.zeros(3), base)
+    motion = SimpleNamespace(felt=SimpleNamespace(base_pose=np.zeros(3)))
+    search: Any = SimpleNamespace(motion=motion, drivable=drivable, route=lambda here, goal: [goal])
+    way = BaseSearch.way_behind(search, base, RUN_UPS_M, straight_in=True)
     if way is None:
         assert room_m < 0.2
         return

@@ -20,6 +20,7 @@ from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.motion.both_hands import BENDING
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.stance.base_search import RUN_UPS_M, Alike, Budget, about, behind, first, ranked
 from mpvi_bt.hands.stance.stance_search import Search
 
 
@@ -59,9 +60,6 @@ class TwoHandedStances:
     best_m: float = 0.37  # most comfortable distance ahead [m]
     off_best: float = 1.5  # cost of each meter off it [m of driving]
     turn_m: float = 0.4  # cost of each radian of turning [m of driving]
-    back_m: tuple[float, ...] = (0.4, 0.3, 0.2)  # run-up of the base, straight in; the longest with room [m]
-    been_m: float = 0.03  # base poses this close to one that failed are skipped [m]
-    been_rad: float = 0.3  # the same if turned alike up to this [rad]
     bases: int = 24  # base poses that are checked for postures of both arms
     torsos: int = 8  # torsos of each base pose
     postures: int = 6  # postures of each arm for each torso
@@ -74,6 +72,7 @@ class TwoHandedStances:
 
 
 _STANCES = TwoHandedStances()
+_BEEN = Alike(0.03, 0.3)  # our choice: a base pose fails, too, that is so near to one that failed
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +141,10 @@ def find_grip(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array,
         search.tried.extend(tried)
         here = motion.felt.base_pose
         usual, rare = (_bases(here, boxes, places) for places in (_STANCES.places_m, _STANCES.rare_places_m))
-        if (grip := _find(work, search, usual) or _find(work, search, rare)) is not None:
+        if (grip := _find(work, search, *usual) or _find(work, search, *rare)) is not None:
             return grip, search
-        way = search.toward(np.stack([behind(base) for base, _ in usual])) if leg < _STANCES.legs else None
+        far = np.stack([behind(base, RUN_UPS_M[0]) for base in usual[0]])
+        way = search.toward(far) if leg < _STANCES.legs else None
         if way is None:
             break
         for pose in way:
@@ -180,59 +180,35 @@ def seen_box(work: Work, name: str) -> Box:
     return min(boxes, key=lambda b: abs(float(kin.wrap(b.heading - yaw))))
 
 
-def _bases(here: Array, boxes: list[Box], places: Sequence[tuple[float, float]]) -> list[tuple[Array, Box]]:
-    """Base poses (3,) to take a thing from, at these places as seen from each of its sides, the nearest first.
+def _bases(here: Array, boxes: list[Box], places: Sequence[tuple[float, float]]) -> tuple[Array, list[Box]]:
+    """(n, 3) base poses to take a thing from, at these places as seen from each of its sides, the nearest first.
 
-    Our choice: the base always faces a side. Turned by 0.35 rad from that, 2 of 30 lifts held.
+    Each with the box as seen from that side. Our choice: the base always faces a side. Turned by 0.35 rad from that, 2
+    of 30 lifts held.
     """
-    ranked = []
-    for box in boxes:
-        for ahead, aside in places:
-            offset = matmul(kin.rot_z(box.heading)[:2, :2], [box.length / 2 + ahead, aside])
-            base = np.array([*(box.middle[:2] - offset), box.heading])
-            turn = abs(float(kin.wrap(base[2] - here[2])))
-            way = float(norm(base[:2] - here[:2]))
-            cost = way + _STANCES.turn_m * turn + abs(aside) + _STANCES.off_best * abs(ahead - _STANCES.best_m)
-            ranked.append((cost, base, box))
-    return [(base, box) for _, base, box in sorted(ranked, key=lambda r: r[0])]
+    ahead, aside = np.tile(np.array(places).T, len(boxes))
+    side = np.repeat(np.arange(len(boxes)), len(places))
+    middle, heading = np.array([box.middle for box in boxes])[side], np.array([box.heading for box in boxes])[side]
+    bases = about(middle, heading, np.array([box.length for box in boxes])[side] / 2 + ahead, aside)
+    way, turn = norm(bases[:, :2] - here[:2], axis=1), np.abs(kin.wrap(heading - here[2]))
+    cost = way + _STANCES.turn_m * turn + np.abs(aside) + _STANCES.off_best * np.abs(ahead - _STANCES.best_m)
+    order = ranked(cost)
+    return bases[order], [boxes[k] for k in side[order]]
 
 
-def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> BoxGrip | None:
-    """The first good grip."""
-    here, checked = work.motion.felt.base_pose, 0
-    for base, box in bases:
-        if any(_as_before(base, b) for b in search.tried):
-            continue
-        if (way := way_behind(search, here, base)) is None:
+def _find(work: Work, search: Search, bases: Array, boxes: list[Box]) -> BoxGrip | None:
+    """The first good grip, from base poses (n, 3) each of which faces a side of a box."""
+
+    def check(k: int) -> tuple[BoxGrip | None, float]:
+        if (way := search.way_behind(bases[k], RUN_UPS_M, straight_in=True)) is None:
             search.refusals.add("no way there and straight in")
-            continue
-        if (grip := _grip_at(work, search, base, way[-1], box)) is not None:
-            return replace(grip, way=way)
-        search.refusals.add("no posture of both arms")
-        checked += 1
-        if checked >= _STANCES.bases:
-            break
-    return None
+            return None, 0.0
+        if (grip := _grip_at(work, search, bases[k], way[-1], boxes[k])) is None:
+            search.refusals.add("no posture of both arms")
+            return None, 1.0
+        return replace(grip, way=way), 1.0
 
-
-def _as_before(base: Array, before: Array) -> bool:
-    """Whether a base pose (3,) is about the same as one that was tried."""
-    near = norm(base[:2] - before[:2]) < _STANCES.been_m
-    return bool(near and abs(kin.wrap(base[2] - before[2])) < _STANCES.been_rad)
-
-
-def behind(base: Array, by_m: float = _STANCES.back_m[0]) -> Array:
-    """The base pose (3,) from which the base drives straight in to another."""
-    return base - [by_m * np.cos(base[2]), by_m * np.sin(base[2]), 0.0]
-
-
-def way_behind(search: Search, here: Array, base: Array) -> list[Array] | None:
-    """Base poses (3,) to drive to, the last as far straight behind `base` as there is room; None if there is no way."""
-    for by_m in _STANCES.back_m:
-        back = behind(base, by_m)
-        if search.drivable(back, base) and (way := search.route(here, back)) is not None:
-            return way
-    return None
+    return first(bases, check, _BEEN, search.tried, Budget(_STANCES.bases))
 
 
 def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> BoxGrip | None:

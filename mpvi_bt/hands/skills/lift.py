@@ -16,7 +16,8 @@ from mpvi_bt.ground.robot.squeeze import pressing, squeezes
 from mpvi_bt.hands.motion.approach import APPROACH
 from mpvi_bt.hands.motion.both_hands import BENDING, IN_STEP, open_wide, raise_both, straighten_up, together
 from mpvi_bt.hands.motion.work import Words, Work
-from mpvi_bt.hands.skills.box_grip import Box, BoxGrip, behind, find_grip
+from mpvi_bt.hands.skills.box_grip import Box, BoxGrip, find_grip
+from mpvi_bt.hands.stance.base_search import behind
 from mpvi_bt.hands.stance.stance_search import Search
 
 

@@ -16,9 +16,10 @@ from mpvi_bt.hands.motion.both_hands import look_over, open_wide, raise_both, st
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import NEAR_M, Perform, Words, Work
-from mpvi_bt.hands.skills.box_grip import Box, behind, seen_box, way_behind
+from mpvi_bt.hands.skills.box_grip import Box, seen_box
 from mpvi_bt.hands.skills.placing import SETTING
 from mpvi_bt.hands.skills.spots import floor_around, is_floor
+from mpvi_bt.hands.stance.base_search import RUN_UPS_M, Alike, Budget, about, behind, first, ranked
 from mpvi_bt.hands.stance.stance_search import Search
 
 
@@ -36,7 +37,6 @@ class DrivingIn:
     carried: float = 0.35  # middle part of the box's breadth that a narrower support has to bear [ratio]
     spots: int = 40  # spots that are checked
     headings: int = 16  # directions to drive in to each spot
-    been_m: float = 0.05  # base poses this close to one that failed are skipped [m, rad]
     step_m: float = 0.08  # distance between two checks on the way in, for elbows that might meet a screen beside it [m]
     off_m: float = 1.3  # largest distance to a spot beyond the known room; the base drives up to that [m]
     leg_m: float = 1.2  # longest leg on the way there [m]
@@ -49,6 +49,7 @@ class DrivingIn:
 
 
 _DRIVE_IN = DrivingIn()
+_BEEN = Alike(0.05, 0.05)  # our choice: a base pose fails, too, that is so near to one that failed
 
 
 def either(one: Perform, both: Perform) -> Perform:
@@ -80,7 +81,8 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         box = seen_box(work, name)
         radius, here = max(box.length, box.width) / 2 + _DRIVE_IN.around_m, motion.felt.base_pose[:2]
         if surface is None:
-            ahead = box.middle[:2] + here - behind(motion.felt.base_pose)[:2]  # in view, and driven in from here
+            # in view, and driven in from here
+            ahead = box.middle[:2] + here - behind(motion.felt.base_pose, RUN_UPS_M[0])[:2]
             spots = floor_around(work, words["surface"], radius, box.height, ahead)
         else:
             apart = max(box.length / 2, box.width / 2 + _DRIVE_IN.hands_m) + _DRIVE_IN.around_m
@@ -141,27 +143,29 @@ def _toward(here: Array, spot: Array) -> Array | None:
 
 def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array, list[Array]] | None:
     """A base pose (3,) from which the held box comes to stand on a spot (3,), that spot, and how to get behind it."""
-    motion = work.motion
-    here = motion.felt.base_pose
+    motion, some = work.motion, spots[: _DRIVE_IN.spots]
     held_at = matmul(kin.inverse(work.base), np.append(box.middle, 1.0))[:2]
     arms = {s: motion.arm(s) for s in motion.robot.sides}
     headings = 2 * np.pi * np.arange(_DRIVE_IN.headings) / _DRIVE_IN.headings
-    for spot in spots[: _DRIVE_IN.spots]:
-        for heading in sorted(headings, key=lambda h: abs(float(kin.wrap(h - here[2])))):
-            base = np.array([*(spot[:2] - matmul(kin.rot_z(heading)[:2, :2], held_at)), kin.wrap(heading)])
-            if any(norm(base - b) < _DRIVE_IN.been_m for b in search.tried):
-                continue
-            if (way := way_behind(search, here, base)) is None:
-                search.refusals.add("no way there and straight in")
-                continue
-            # Raised by then, as `raise_both` does: lower down the arms would meet the surface.
-            lift = motion.posture[0] + max(0.0, spot[2] + _DRIVE_IN.over_m - box.bottom)
-            torso = motion.bent(lift=float(np.clip(lift, *motion.robot.trunk.limits[0])))
-            body = Body(motion.robot, torso, arms)
-            if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
-                return base, spot, way
-            search.refusals.add("arm or trunk in the way")
-    return None
+    headings = headings[ranked(np.abs(kin.wrap(headings - motion.felt.base_pose[2])))]
+    bases = about(np.array(some)[:, None, :2], headings, *held_at).reshape(-1, 3)
+    bases[:, 2] = kin.wrap(bases[:, 2])
+
+    def check(k: int) -> tuple[tuple[Array, Array, list[Array]] | None, float]:
+        base, spot = bases[k], some[k // len(headings)]
+        if (way := search.way_behind(base, RUN_UPS_M, straight_in=True)) is None:
+            search.refusals.add("no way there and straight in")
+            return None, 0.0
+        # Raised by then, as `raise_both` does: lower down the arms would meet the surface.
+        lift = motion.posture[0] + max(0.0, spot[2] + _DRIVE_IN.over_m - box.bottom)
+        torso = motion.bent(lift=float(np.clip(lift, *motion.robot.trunk.limits[0])))
+        body = Body(motion.robot, torso, arms)
+        if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
+            return (base, spot, way), 1.0
+        search.refusals.add("arm or trunk in the way")
+        return None, 1.0
+
+    return first(bases, check, _BEEN, search.tried, Budget())
 
 
 def _drive_in(back: Array, base: Array) -> Array:

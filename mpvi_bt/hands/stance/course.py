@@ -6,7 +6,7 @@ arm's posture hardly changes. A stance for a course is one from which that works
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,8 +19,9 @@ from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.collision import Body, Obstacles, Surroundings, Together
 from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.protocol import Side, other
+from mpvi_bt.hands.stance.base_search import WORK_PLACE, Alike, BaseSearch, Budget, about, first, ranked
 from mpvi_bt.hands.stance.postures import WAY_MARGINS_M
-from mpvi_bt.hands.stance.site import FLOOR, WORK_PLACE, Site, Standing, base_clear
+from mpvi_bt.hands.stance.site import FLOOR, Standing, base_clear
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,11 @@ class CourseParameters:
     turns_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8)  # turns from the course's heading [rad]
     turn_cost: float = 0.4  # cost of each radian of turn
     way_cost: float = 0.1  # cost of each meter of driving
-    been_m: float = 0.05  # base poses this close to one that failed are skipped [m]
-    been_rad: float = 0.2  # the same if turned alike up to this [rad]
     bent_rad: float = -0.4  # least bend of the elbow [rad]; a stretched arm cannot make up for a base that trails
 
 
 _COURSE = CourseParameters()
+_BEEN = Alike(0.05, 0.2)  # our choice: a base pose fails, too, that is so near to one that failed
 _ELBOW = 3  # index of its joint
 AROUND_M = 2.5  # our choice, an arm and the longest way of a base: obstacles farther from the robot matter to no course
 SHORT_M = 0.10  # our choice: a fist or fingertips wait that far before what they push: a look is off by centimeters
@@ -125,7 +125,7 @@ class CourseStart:
 
 
 @dataclass(frozen=True, eq=False)
-class CourseSearch(Site):
+class CourseSearch(BaseSearch):
     """A stance search for courses; `touched` is the thing as it stands.
 
     Attributes:
@@ -140,27 +140,34 @@ class CourseSearch(Site):
         """A good place to begin one of `courses` from, which lead the same thing along; None if there is none."""
         if not courses:
             return None
-        here, spent = self.motion.felt.base_pose, 0.0
         focus = np.mean([c.touch[:2, 3] for c in courses], axis=0)
-        for base in _bases(here, focus, courses[0].heading, self.side):
-            if any(_as_before(base, b) for b in self.tried):
-                continue
-            if not self.stands(base[None])[0]:
-                self.refuse_bases(base[None])
-                continue
-            route = self._approach(here, base)
-            if route is None:
+        bases = _bases(self.motion.felt.base_pose, focus, courses[0].heading, self.side)
+        routes: dict[int, list[Array]] = {}
+
+        def reached(k: int) -> bool:
+            if not self.stands(bases[k : k + 1])[0]:
+                self.refuse_bases(bases[k : k + 1])
+                return False
+            if (route := self.way_behind(bases[k], _COURSE.run_ups_m)) is None:
                 self.refusals.add("no way there")
-                continue
-            if spent >= _COURSE.most_effort or self.effort.left <= 0:
-                self.refusals.add("and more not looked at, as planning took too long")
-                break
+                return False
+            routes[k] = route
+            return True
+
+        def check(k: int) -> tuple[CourseStart | None, float]:
+            spent = 0.0
             for hold in self.holds:
-                found, effort = self._begin(base, route, courses, hold)
-                spent, self.effort.left = spent + effort, self.effort.left - effort
+                found, effort = self._begin(bases[k], routes[k], courses, hold)
+                spent += effort
                 if found is not None:
-                    return found
-        return None
+                    return found, spent
+            return None, spent
+
+        budget = Budget(_COURSE.most_effort, self.effort)
+        start = first(bases, check, _BEEN, self.tried, budget, reached)
+        if budget.left:
+            self.refusals.add("and more not looked at, as planning took too long")
+        return start
 
     def _then(self, course: Course, x: float, base: Array) -> Obstacles:
         """What is in the way as the course goes on, in the frame of a base that has gone along."""
@@ -175,14 +182,6 @@ class CourseSearch(Site):
             if not base_clear(self.motion.robot, around):
                 return False
         return True
-
-    def _approach(self, here: Array, base: Array) -> list[Array] | None:
-        """A way to a little behind a base pose, from where it is straight in."""
-        ahead = np.array([np.cos(base[2]), np.sin(base[2]), 0.0])
-        for run_up in _COURSE.run_ups_m:
-            if (route := self.route(here, base - ahead * run_up)) is not None:
-                return route
-        return None
 
     def _begin(
         self, base: Array, route: list[Array], courses: Sequence[Course], hold: list[Array]
@@ -304,24 +303,13 @@ class CourseSearch(Site):
         return idle not in body.arms or bool(body.clearance(idle, body.arms[idle][None])[0][0] > 0)
 
 
-def _as_before(base: Array, before: Array) -> bool:
-    """Whether a base pose (3,) is about the same as one that was tried."""
-    near = norm(base[:2] - before[:2]) < _COURSE.been_m
-    return bool(near and abs(kin.wrap(base[2] - before[2])) < _COURSE.been_rad)
-
-
-def _bases(here: Array, focus: Array, heading: float, side: Side) -> Iterator[Array]:
-    """Base poses before a place (2,) in the world, looking along `heading` or somewhat past it, the plainest first."""
-    ranked = []
-    for ahead in _COURSE.ahead_m:
-        for lateral in _COURSE.laterals_m:
-            for turn in _COURSE.turns_rad:
-                yaw, y = heading + turn, lateral * SIGN[side]
-                c, s = np.cos(yaw), np.sin(yaw)
-                xy = focus - [c * ahead - s * y, s * ahead + c * y]
-                off = WORK_PLACE.ahead * abs(ahead - _COURSE.best_m) + WORK_PLACE.lateral * abs(
-                    lateral - WORK_PLACE.lateral_m
-                )
-                cost = off + _COURSE.turn_cost * abs(turn)
-                ranked.append((cost + _COURSE.way_cost * float(norm(xy - here[:2])), np.array([*xy, kin.wrap(yaw)])))
-    return iter([base for _, base in sorted(ranked, key=lambda r: r[0])])
+def _bases(here: Array, focus: Array, heading: float, side: Side) -> Array:
+    """(n, 3) base poses before a place (2,) in the world, looking along `heading` or past it, the plainest first."""
+    grid = np.meshgrid(_COURSE.ahead_m, _COURSE.laterals_m, _COURSE.turns_rad, indexing="ij")
+    ahead, lateral, turn = (axis.ravel() for axis in grid)
+    bases = about(focus, heading + turn, ahead, lateral * SIGN[side])
+    bases[:, 2] = kin.wrap(bases[:, 2])
+    off = WORK_PLACE.ahead * np.abs(ahead - _COURSE.best_m)
+    off += WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m)
+    cost = off + _COURSE.turn_cost * np.abs(turn) + _COURSE.way_cost * norm(bases[:, :2] - here[:2], axis=1)
+    return bases[ranked(cost)]

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.hands.stance.site import KNOWN_M, Site
+from mpvi_bt.hands.stance.base_search import KNOWN_M, BaseSearch
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Detours:
     comes by more, such as the far side of a table with baskets around it.
     """
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self, site: BaseSearch) -> None:
         """Find the places that the base may stand at, and the ways to them."""
         self._site, here = site, site.motion.felt.base_pose
         steps = np.arange(-KNOWN_M, KNOWN_M + 1e-9, _DETOUR.step_m)

@@ -17,9 +17,19 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import Load
 from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.stance.base_search import (
+    KNOWN_M,
+    WORK_PLACE,
+    Alike,
+    BaseSearch,
+    Budget,
+    about,
+    behind,
+    first,
+    ranked,
+)
 from mpvi_bt.hands.stance.detour import Detours
 from mpvi_bt.hands.stance.postures import TOUCH_M, stance_at
-from mpvi_bt.hands.stance.site import KNOWN_M, WORK_PLACE, Site
 from mpvi_bt.hands.stance.stance import Option, Stance
 
 
@@ -48,15 +58,15 @@ class BaseParameters:
 
 
 _BASES = BaseParameters()
-# Our choice, [m, rad] between base poses: what fails here fails a hand's breadth away.
-SPACINGS = ((0.12, 0.5), (0.05, 0.25))
+# Our choice: what fails here fails a hand's breadth away.
+SPACINGS = (Alike(0.12, 0.5), Alike(0.05, 0.25))
 # Our choice, from base poses to the place, see `_bases`: so fine that one nearly touches what stands before it, for
 # deep in a compartment an arm reaches it from no farther off.
 _DISTANCES_M = np.arange(0.46, 0.98, 0.03)
 
 
 @dataclass(frozen=True, eq=False)
-class Search(Site):
+class Search(BaseSearch):
     """A search for a stance at a site."""
 
     def find(
@@ -87,25 +97,22 @@ class Search(Site):
         bases = bases[standing]
         before = self.effort.failed.setdefault(self._sought(options, able), [])
         failed: list[Array] = [*self.tried, *before]
-        for spacing in (SPACINGS[k] for k in spacings):
-            checked, left = 0.0, bases
-            for base in failed:
-                left = _apart_from(left, base, *spacing)
-            while len(left) and checked < _BASES.checked:
-                if self.effort.left <= 0:
-                    self.refusals.add("not looked at, as planning took too long", count=len(left))
-                    return None
-                base = left[0]
-                found, effort = self._from(here, base, options, able)
-                self.effort.left -= effort
-                if found is not None:
-                    self.effort.failed.clear()
-                    return found
-                failed.append(base)
-                if effort:
-                    before.append(base)
-                checked += effort
-                left = _apart_from(left, base, *spacing)
+
+        def check(k: int) -> tuple[Stance | None, float]:
+            found, effort = self._from(here, bases[k], options, able)
+            if found is None:
+                failed.append(bases[k])
+                before.extend([bases[k]] if effort else [])
+            return found, effort
+
+        for alike in (SPACINGS[k] for k in spacings):
+            budget = Budget(_BASES.checked, self.effort)
+            if (found := first(bases, check, alike, failed, budget)) is not None:
+                self.effort.failed.clear()
+                return found
+            if budget.left and budget.spent < budget.most:
+                self.refusals.add("not looked at, as planning took too long", count=budget.left)
+                return None
         return None
 
     def go_around(self, focus_xy: Array, been: Sequence[Array]) -> list[Array] | None:
@@ -114,17 +121,20 @@ class Search(Site):
         Nearer where what is around it is not known yet. None if all of that was in reach from here or from where the
         robot has `been` (3,), or is out of reach.
         """
-        here = self.motion.felt.base_pose
+        here, detours = self.motion.felt.base_pose, Detours(self)
         bases = _bases(here, focus_xy, self.side)
-        left, detours = bases[self.stands(bases)], Detours(self)
+        left, failed = bases[self.stands(bases)], list[Array]()
         for place in been:
-            left = left[norm(left[:, :2] - place[:2], axis=1) > _BASES.been_m]
-        while len(left):
-            if self.route(here, left[0]) is None and (way := detours.way(left[0])) is not None:
-                return way
-            left = _apart_from(left, left[0], *SPACINGS[0])
+            left = left[Alike(_BASES.been_m).without(left, place)]
+
+        def check(k: int) -> tuple[list[Array] | None, float]:
+            failed.append(left[k])
+            return (detours.way(left[k]) if self.route(here, left[k]) is None else None), 0.0
+
+        if (way := first(left, check, SPACINGS[0], failed, Budget())) is not None:
+            return way
         for place in been:
-            bases = bases[norm(bases[:, :2] - place[:2], axis=1) > KNOWN_M]
+            bases = bases[Alike(KNOWN_M).without(bases, place)]
         return self.toward(bases)
 
     def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
@@ -155,7 +165,7 @@ class Search(Site):
         for k in able:
             ways.setdefault(options[k].run_up_m, []).append(k)
         for run_up, some in ways.items():
-            ready = base - np.array([np.cos(base[2]), np.sin(base[2]), 0.0]) * run_up
+            ready = behind(base, run_up)
             lane = _lane(ready, base)
             if not self.stands(lane).all():
                 self.refusals.add("no room to drive in")
@@ -215,21 +225,14 @@ def _lane(start: Array, end: Array) -> Array:
     return np.linspace(start, end, int(np.ceil(length / _BASES.step_m)) + 1) if length > 1e-6 else end[None].copy()
 
 
-def _apart_from(bases: Array, base: Array, apart_m: float, apart_rad: float) -> Array:
-    """Those of base poses (n, 3) that are so far off another one (3,)."""
-    near = norm(bases[:, :2] - base[:2], axis=1) < apart_m
-    return bases[~(near & (np.abs(kin.wrap(bases[:, 2] - base[2])) < apart_rad))]
-
-
 def _bases(here: Array, focus: Array, side: Side) -> Array:
     """(n, 3) base poses about a place (2,) in the world, the nearest and plainest first."""
     bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
     grid = np.meshgrid(_DISTANCES_M, _BASES.laterals_m, _BASES.turns_rad, indexing="ij")
     distance, lateral, turn = (axis.ravel() for axis in grid)
-    yaw, y = bearing + turn, lateral * SIGN[side]
-    c, s = np.cos(yaw), np.sin(yaw)
-    xy = focus - np.stack([c * distance - s * y, s * distance + c * y], -1)
-    near = _BASES.way_cost * norm(xy - here[:2], axis=1) + _BASES.turn_cost * np.abs(turn)
+    bases = about(focus, bearing + turn, distance, lateral * SIGN[side])
+    near = _BASES.way_cost * norm(bases[:, :2] - here[:2], axis=1) + _BASES.turn_cost * np.abs(turn)
     ahead = WORK_PLACE.ahead * np.abs(distance - _BASES.best_m)
     cost = near + ahead + WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m)
-    return np.column_stack([xy, kin.wrap(yaw)])[np.argsort(cost, kind="stable")]
+    bases[:, 2] = kin.wrap(bases[:, 2])
+    return bases[ranked(cost)]
