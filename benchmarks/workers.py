@@ -29,7 +29,7 @@ from mpvi_bt.runs.report.figures import wall_shares
 from mpvi_bt.runs.suite.processes import ProcessEngine
 from mpvi_bt.runs.suite.progress import SuiteProgress
 from mpvi_bt.runs.suite.runner import run_suite
-from mpvi_bt.runs.suite.schedule import Pace, budgets_s, in_rounds
+from mpvi_bt.runs.suite.schedule import EpisodeTimes, budgets_s, in_rounds
 from mpvi_bt.runs.suite.store import Store
 
 _SAMPLE_S = 0.5
@@ -87,7 +87,7 @@ def measure(episodes: list[EpisodeConfig], workers: int) -> Measured:
     """Run the episodes anew with that many workers."""
     with tempfile.TemporaryDirectory() as out, Watch() as watch:
         budget_s = budgets_s(episodes)
-        progress = SuiteProgress(open(os.devnull, "w"), Pace(budget_s))  # noqa: PTH123, SIM115
+        progress = SuiteProgress(open(os.devnull, "w"), EpisodeTimes(budget_s))  # noqa: PTH123, SIM115
         began, cpu_s = time.perf_counter(), _children_s()
         outcome = run_suite(
             episodes, Store(Path(out)), ProcessEngine(workers), progress, lambda todo: in_rounds(todo, budget_s)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
 from mpvi_bt.finding.navigation.exploring import ExploringNavigator
-from mpvi_bt.finding.navigation.goals import Handoff, distance_to
+from mpvi_bt.finding.navigation.goals import HandoffDistances, distance_to
 from mpvi_bt.finding.navigation.lookout import Lookout
 from mpvi_bt.finding.perception.detector import Detection, Detector, GuardedDetector
 from mpvi_bt.finding.scene.discovery import Discoveries
@@ -140,7 +140,7 @@ def test_what_is_hidden_in_another_room_is_found_and_approached(prior: bool) -> 
     robot.walls = grid_map
     report, trace = play(robot, exploring(robot, BoxDetector(CUP), grid_map if prior else None), "the cup")
     assert report.progress is Progress.SUCCEEDED, report
-    assert distance_to(CUP, robot.pose[:2]) < Handoff().distance_m + Handoff().slack_m
+    assert distance_to(CUP, robot.pose[:2]) < HandoffDistances().distance_m + HandoffDistances().slack_m
     assert not any(grid_map.occupied[grid_map.cell(pose[:2])] for pose in trace)
 
 
@@ -191,7 +191,11 @@ def test_what_lies_in_the_middle_of_a_wide_table_is_come_as_near_to_as_one_can(p
     put_box(grid_map, (5.25, 1.25), (6.75, 2.75))
     report, _ = play(robot, exploring(robot, BoxDetector(cup), grid_map if prior else None), "cup")
     assert report.progress is Progress.SUCCEEDED, report
-    assert Handoff().distance_m < distance_to(cup, robot.pose[:2]) <= Handoff().distance_m + Handoff().slack_m
+    assert (
+        HandoffDistances().distance_m
+        < distance_to(cup, robot.pose[:2])
+        <= HandoffDistances().distance_m + HandoffDistances().slack_m
+    )
 
 
 @pytest.mark.parametrize("target", ["", "  ", "!?"])

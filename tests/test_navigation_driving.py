@@ -10,7 +10,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
-from mpvi_bt.finding.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
+from mpvi_bt.finding.navigation.goals import (
+    HandoffDistances,
+    at_target,
+    distance_to,
+    facing_yaw,
+    object_goals,
+    room_goals,
+)
 from mpvi_bt.finding.navigation.grid import shortest_path
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.finding.navigation.pursuit import CARRYING, Limits, PathFollower
@@ -22,7 +29,7 @@ from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.testing import check_navigator
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
-HANDOFF = Handoff()
+HANDOFF = HandoffDistances()
 
 
 def knowing(*entries: Entry) -> KnowledgeBase:

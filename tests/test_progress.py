@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.suite.progress import SuiteProgress, span
-from mpvi_bt.runs.suite.schedule import Pace, in_rounds
+from mpvi_bt.runs.suite.schedule import EpisodeTimes, in_rounds
 from mpvi_bt.runs.suite.store import Fault
 from tests.fake_episodes import fake_result
 
@@ -34,7 +34,7 @@ class Terminal(io.StringIO):
 
 def tell(stream: io.StringIO) -> str:
     """What is written of a run that finds one result and one broken file, makes two, and breaks once."""
-    progress = SuiteProgress(stream, Pace(BUDGET_S))
+    progress = SuiteProgress(stream, EpisodeTimes(BUDGET_S))
     progress.begin({EPISODES[0]: RESULTS[EPISODES[0]]}, EPISODES[1:], 2)
     progress.corrupt(EPISODES[1], Path("out/quarantine/a.json"))
     for config in EPISODES[1:3]:
@@ -82,14 +82,14 @@ def test_progress_redraws_a_line_for_each_worker_on_a_terminal() -> None:
 def test_methods_are_named() -> None:
     """Episodes of two methods are not the same."""
     stream = io.StringIO()
-    progress = SuiteProgress(stream, Pace(BUDGET_S))
+    progress = SuiteProgress(stream, EpisodeTimes(BUDGET_S))
     progress.broke(EpisodeConfig("picking_up_trash", method="e2e"), FAULT, again=True)
     assert stream.getvalue().startswith("e2e picking_up_trash_0_0  machine fault: ")
 
 
 def test_nothing_is_said_of_the_time_left_before_an_episode_ran() -> None:
     """No table knows this machine and what else it does."""
-    pace = Pace(BUDGET_S)
+    pace = EpisodeTimes(BUDGET_S)
     assert pace.left_s(EPISODES, {EPISODES[0]: 5.0}, 2) is None
     assert pace.expected_s(EPISODES[0]) is None
     stream = io.StringIO()
@@ -103,7 +103,7 @@ def test_nothing_is_said_of_the_time_left_before_an_episode_ran() -> None:
 
 def test_the_time_left_is_told_by_episodes_that_ran_and_weighs_tasks() -> None:
     """As the task's own took, or else by budgets at the rate of its method; who works at once shares what waits."""
-    pace, short, long = Pace(BUDGET_S), EPISODES[0], EpisodeConfig("long")
+    pace, short, long = EpisodeTimes(BUDGET_S), EPISODES[0], EpisodeConfig("long")
     pace.learn(short, 8.0)
     pace.learn(short, 12.0)
     assert pace.expected_s(short) == 10
@@ -126,7 +126,7 @@ def test_the_time_left_is_told_by_episodes_that_ran_and_weighs_tasks() -> None:
 def test_the_time_left_is_that_of_the_schedule(walls: list[float], workers: int, share: float) -> None:
     """Where each task takes what is known of it, the time left at the start is when the last one ends."""
     tasks = [f"t{i}" for i in range(len(walls))]
-    pace = Pace(dict.fromkeys(tasks, 100.0 * share))
+    pace = EpisodeTimes(dict.fromkeys(tasks, 100.0 * share))
     for task, wall in zip(tasks, walls, strict=True):
         pace.learn(EpisodeConfig(task), wall)
     ends = [0.0] * workers
@@ -155,7 +155,7 @@ def test_the_range_of_the_time_left_holds_what_it_takes(workers: int, through: i
             begun[config] = free[at]
             free[at] += walls[config]
         now = sorted(begun[c] + walls[c] for c in walls)[through - 1]
-        pace = Pace(budget_s)
+        pace = EpisodeTimes(budget_s)
         for config in sorted(walls, key=lambda c: begun[c] + walls[c])[:through]:
             pace.learn(config, walls[config])
         running = {c: now - begun[c] for c in walls if begun[c] <= now < begun[c] + walls[c]}

@@ -13,7 +13,7 @@ from mpvi_bt.executive.completion.oracle import OracleChecker
 from mpvi_bt.executive.ticking.loop import run_episode
 from mpvi_bt.executive.ticking.saved_run import SavedRun, save_run
 from mpvi_bt.ground.cost import Cost
-from mpvi_bt.ground.marked_yaml import Marks, validate_data
+from mpvi_bt.ground.marked_yaml import SourceMarks, validate_data
 from mpvi_bt.runs.choices.world_truth import Audit
 from mpvi_bt.runs.episode.queries import Queries, count_queries, queries_text
 from tests.bench import HELD, PICK, Bench, tree
@@ -84,7 +84,7 @@ def test_a_stopped_run_remembers_what_its_questions_cost() -> None:
     bench = Bench(PICK)
     bench.tick()
     bench.context.log.queries.append(query(True, "", 1.5, COST))
-    back = validate_data(json.loads(save_run(bench.tree, bench.world).model_dump_json()), Marks("x"), SavedRun)
+    back = validate_data(json.loads(save_run(bench.tree, bench.world).model_dump_json()), SourceMarks("x"), SavedRun)
     assert back.queries == bench.context.log.queries
     audit = Audit(OracleChecker(Facts(), PHRASES), [False])
     audit.step(bench.tree, bench.world)

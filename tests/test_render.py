@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from wcwidth import wcswidth
 
 from mpvi_bt.apps.cli.render import render
-from mpvi_bt.executive.behaviors.parameters import Limit, Memory, NavigateTo, OnFailure
+from mpvi_bt.executive.behaviors.parameters import Limit, MemoryFlag, NavigateTo, OnFailure
 from mpvi_bt.executive.behaviors.registry import node_types
 from mpvi_bt.executive.drawing.cells import columns, cut, one_line, wrapped
 from mpvi_bt.executive.drawing.dot import dot_tree
@@ -102,7 +102,7 @@ def pictures(draw: st.DrawFn) -> tuple[TreeSpec, dict[str, NodeState] | None]:
     """A tree with states of some of its nodes, or without."""
     inner = st.builds(lambda t: NodeSpec("navigate", NavigateTo(target=t)), wide_words)
     wide = st.builds(
-        lambda name, below: TreeSpec(name, NodeSpec("sequence", Memory(memory=True), name, tuple(below))),
+        lambda name, below: TreeSpec(name, NodeSpec("sequence", MemoryFlag(memory=True), name, tuple(below))),
         wide_words,
         st.lists(inner, min_size=1, max_size=4),
     )
@@ -145,7 +145,9 @@ def test_depth_is_seen_as_long_as_there_is_room(unicode: bool) -> None:
     """A child is indented further than its parent in trees of up to forty levels, and siblings alike."""
     node = NodeSpec("navigate", NavigateTo(target="cup"))
     for _ in range(40):
-        node = NodeSpec("sequence", Memory(memory=True), children=(node, node) if node.kind == "navigate" else (node,))
+        node = NodeSpec(
+            "sequence", MemoryFlag(memory=True), children=(node, node) if node.kind == "navigate" else (node,)
+        )
     tree = TreeSpec("deep", node)
     starts = [re.search(r"[-{→N]", line.text.replace("─", " ")) for line in tree_lines(tree, unicode=unicode)]
     indents = [start.start() for start in starts if start]
@@ -187,7 +189,7 @@ def _bushy(children: int, depth: int) -> NodeSpec:
     if not depth:
         return NodeSpec("navigate", NavigateTo(target="the table", room="living room"))
     below = tuple(_bushy(children, depth - 1) for _ in range(children))
-    return NodeSpec("attempt", OnFailure(), "tidy", (NodeSpec("sequence", Memory(memory=True), "all", below),))
+    return NodeSpec("attempt", OnFailure(), "tidy", (NodeSpec("sequence", MemoryFlag(memory=True), "all", below),))
 
 
 @given(tree=trees | st.builds(lambda n, d: TreeSpec("bushy", _bushy(n, d)), st.integers(1, 5), st.integers(1, 3)))

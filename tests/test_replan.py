@@ -14,7 +14,7 @@ import pytest
 from mpvi_bt.executive.behaviors.context import Context
 from mpvi_bt.executive.behaviors.question import HANDOVER_S
 from mpvi_bt.executive.language.chat import Answer
-from mpvi_bt.executive.plan.history import History, SeenThing
+from mpvi_bt.executive.plan.history import History, SeenObject
 from mpvi_bt.executive.plan.planners import NoPlan, Planned
 from mpvi_bt.executive.plan.schema import Plan
 from mpvi_bt.executive.plan.skills import load_skills
@@ -103,7 +103,7 @@ def episode(
     watchers: Iterable[Subscriber] = (),
     stop: Callable[[Tree], bool] = lambda tree: False,
     saved: SavedRun | None = None,
-    seen: Iterable[SeenThing] = (),
+    seen: Iterable[SeenObject] = (),
     max_time_s: float = 60.0,
 ) -> Run:
     """Run the old plan; nodes that `failing` fit fail after a second."""
@@ -164,7 +164,7 @@ def test_the_new_plan_takes_the_place_of_the_rest() -> None:
 def test_the_planner_is_told_what_is_done_what_failed_and_what_was_seen() -> None:
     """Also of what was given up before; and what would have come next."""
     planner = Says([plan("go to the sink", "pick up the fork"), NEW])
-    cup = SeenThing("cup", "kitchen", held=True)
+    cup = SeenObject("cup", "kitchen", held=True)
     episode(planner, "*/2 */check_complete", "*/4 */check_complete", seen=[cup])
     first, second = planner.told
     assert first == (

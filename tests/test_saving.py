@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.executive.behaviors.parameters import Message, NavigateTo
+from mpvi_bt.executive.behaviors.parameters import NavigateTo, SaidText
 from mpvi_bt.executive.behaviors.stand_ins import StandIn
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.ticking.dry import EmptyWorld, dry_context
@@ -404,5 +404,5 @@ def test_states_are_those_of_the_new_tree_also_after_an_interruption() -> None:
     tree, world = bench(TRIP)
     run(tree, world, 10)
     tree.interrupt()
-    tree.swap("trip/navigate", NodeSpec("say", Message(text="hi"), ""))
+    tree.swap("trip/navigate", NodeSpec("say", SaidText(text="hi"), ""))
     assert list(tree.states()) == list(tree.nodes)

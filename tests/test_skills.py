@@ -17,7 +17,7 @@ from mpvi_bt.executive.plan.skill_phrases import example, filled
 from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skill, load_skills
 from mpvi_bt.executive.tree.yaml_io import check_tree
 from mpvi_bt.ground import paths
-from mpvi_bt.ground.marked_yaml import Marks
+from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode import doers
 
@@ -167,12 +167,14 @@ def test_a_skill_that_nobody_can_do_is_told(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv("MPVI_PATH", str(tmp_path))
     skills = load_skills()
     data = {"tree": "t", "root": {"manipulate": "pick up the cup and wave at the vase"}}
-    spec = check_tree(data, Marks("t.yaml"), skills)
+    spec = check_tree(data, SourceMarks("t.yaml"), skills)
     for policy, told in (("expert", True), ("reactive", True), ("openpi:ws://localhost:1", False)):
         doubt = doers.doubt(EpisodeConfig("", policy=policy), spec, skills)
         assert ("does not know how to do 'wave_at'" in doubt) is told
     assert (
-        doers.doubt(EpisodeConfig(""), check_tree({**data, "root": {"say": "hi"}}, Marks("t.yaml"), skills), skills)
+        doers.doubt(
+            EpisodeConfig(""), check_tree({**data, "root": {"say": "hi"}}, SourceMarks("t.yaml"), skills), skills
+        )
         == ""
     )
 

@@ -19,7 +19,7 @@ from mpvi_bt.executive.drawing.terminal import guarded
 from mpvi_bt.ground.errors import Problem, UserError, bounded
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.suite.progress import SuiteProgress
-from mpvi_bt.runs.suite.schedule import Pace
+from mpvi_bt.runs.suite.schedule import EpisodeTimes
 from mpvi_bt.runs.suite.store import Fault
 
 EVIL = "\x1b]0;title\x07 \x1b]8;;http://evil\x1b\\link \x9b38;5;201m \x1b[38;5;201m \u202eback \x1b[2J\rgone \x7f\u2066"
@@ -130,7 +130,7 @@ def test_an_encoding_that_lacks_a_sign_gets_its_escape(monkeypatch: pytest.Monke
 def test_what_broke_a_worker_is_one_short_line() -> None:
     """An exception's message may be anything."""
     stream = Terminal()
-    progress = SuiteProgress(stream, Pace({}))
+    progress = SuiteProgress(stream, EpisodeTimes({}))
     progress.broke(EpisodeConfig("hello"), Fault(f"OSError: {EVIL}\n" + "x" * 300_000), again=False)
     assert not OBEYED.search(stream.getvalue())
     assert len(stream.getvalue().splitlines()) == 1

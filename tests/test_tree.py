@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.executive.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt, Value
+from mpvi_bt.executive.behaviors.parameters import (
+    CriterionToCheck,
+    Limit,
+    MemoryFlag,
+    NavigateTo,
+    NoParameters,
+    Prompt,
+    Value,
+)
 from mpvi_bt.executive.behaviors.references import fill, resolve
 from mpvi_bt.executive.behaviors.registry import node_type, node_types
 from mpvi_bt.executive.drawing.text import ascii_tree
@@ -61,7 +69,9 @@ def test_paths_are_unique(tree: TreeSpec) -> None:
 def test_names_with_a_number_do_not_take_another_path() -> None:
     """Siblings called step, step and step#2 have three paths."""
     names = ["step", "step", "step#2", "step"]
-    root = NodeSpec("sequence", Memory(memory=True), "s", tuple(NodeSpec("succeed", NoParameters(), n) for n in names))
+    root = NodeSpec(
+        "sequence", MemoryFlag(memory=True), "s", tuple(NodeSpec("succeed", NoParameters(), n) for n in names)
+    )
     assert TreeSpec("t", root).nodes[0].children == ("s/step", "s/step#2", "s/step#2#2", "s/step#3")
 
 
@@ -148,7 +158,7 @@ def test_a_group_joins_descriptions_and_ends_as_its_last_segment() -> None:
     assert manipulate.parameters.prompt == (
         "pick up a can of soda with the right hand, then put the can of soda in the trash can"
     )
-    assert check.parameters == Criterion(criterion="a can of soda is in the trash can", skill="place_in")
+    assert check.parameters == CriterionToCheck(criterion="a can of soda is in the trash can", skill="place_in")
     assert timeout.parameters == Limit(limit=SKILLS["pick"].timeout_s + SKILLS["place_in"].timeout_s)
     assert (attempt.segments, check.segments) == ((3, 4), (4,))
 
@@ -182,7 +192,9 @@ def test_without_a_skill_the_default_time_and_all_triggers_hold() -> None:
     tree = compile_plan(RecordedPlanner().plan("picking_up_trash"), {})
     timeout = tree.root.children[1].children[0]
     assert timeout.parameters == Limit(limit=MANIPULATION_TIMEOUT_S)
-    assert timeout.children[0].children[1].parameters == Criterion(criterion="the trash can is held in a gripper")
+    assert timeout.children[0].children[1].parameters == CriterionToCheck(
+        criterion="the trash can is held in a gripper"
+    )
 
 
 def test_the_shipped_tree_is_the_compiled_plan() -> None:

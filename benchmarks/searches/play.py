@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.searches.scenes import FOOTPRINT_M, Scene, draw
 from mpvi_bt.executive.plan.knowledge import Entry
-from mpvi_bt.finding.navigation.goals import Handoff, distance_to, facing_yaw, object_goals
+from mpvi_bt.finding.navigation.goals import HandoffDistances, distance_to, facing_yaw, object_goals
 from mpvi_bt.finding.navigation.grid import cost_to_reach
 from mpvi_bt.finding.navigation.traversability import ClearanceCost, floor_obstacles, traversability
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
@@ -131,7 +131,7 @@ def play(job: Job) -> Row:
 
 def _is_before(target: Entry, pose: Array) -> bool:
     """Whether a base stands where navigation may hand over, by the true place of the target."""
-    handoff = Handoff()
+    handoff = HandoffDistances()
     near = distance_to(target, pose[:2]) <= handoff.distance_m + handoff.slack_m
     return near and abs(float(wrap(facing_yaw(target, pose[:2]) - pose[2]))) <= handoff.facing_rad
 
@@ -141,5 +141,7 @@ def _shortest_m(world: World, scene: Scene, grid_map: OccupancyMap) -> float:
     boxes = floor_obstacles(world.knowledge())
     grid = traversability(grid_map, FOOTPRINT_M, boxes, (), ClearanceCost(weight=0.0)).escaping(scene.base_pose[:2])
     ways = cost_to_reach(grid.cost, grid.map.cell(scene.base_pose[:2])) * grid.map.resolution_m
-    goals = object_goals(world.knowledge().entries[scene.target], scene.base_pose[:2], grid, Handoff(), most=10**6)
+    goals = object_goals(
+        world.knowledge().entries[scene.target], scene.base_pose[:2], grid, HandoffDistances(), most=10**6
+    )
     return min((float(ways[grid.map.cell(goal.pose[:2])]) for goal in goals), default=float("nan"))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.executive.plan.knowledge import Entry as Known
-from mpvi_bt.finding.navigation.goals import Handoff, object_goals
+from mpvi_bt.finding.navigation.goals import HandoffDistances, object_goals
 from mpvi_bt.finding.navigation.traversability import floor_obstacles, traversability
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry.solids import Array, pose
@@ -118,7 +118,7 @@ class _Places:
         """Whether a robot gets from its start, past all that lies about, to where it could work on the target."""
         known = {name: _known(name, thing, room) for name, thing in objects.items()}
         grid = traversability(self._map, FOOTPRINT_M, floor_obstacles(known.values())).escaping(start[:2])
-        goals = object_goals(known["target"], start[:2], grid, Handoff())
+        goals = object_goals(known["target"], start[:2], grid, HandoffDistances())
         return any(np.isfinite(goal.score) for goal in goals)
 
     def open(self, room: str, entry: CatalogueEntry, rng: np.random.Generator) -> tuple[str, Array] | None:

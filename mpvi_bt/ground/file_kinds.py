@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mpvi_bt.ground.errors import FileProblems, Problem
-from mpvi_bt.ground.yaml_reader import Marks
+from mpvi_bt.ground.yaml_reader import SourceMarks
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ _TEXTS = (  # what is neither YAML nor JSON of ours, by its beginning
 )
 
 
-def kind_of(data: Any, marks: Marks) -> FileKind:
+def kind_of(data: Any, marks: SourceMarks) -> FileKind:
     """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
     keys = set(data) if isinstance(data, dict) else set()
     folder = Path(marks.file).resolve().parent.name
@@ -135,7 +135,7 @@ def kind_of(data: Any, marks: Marks) -> FileKind:
     return kind
 
 
-def expect(name: str, data: Any, marks: Marks) -> None:
+def expect(name: str, data: Any, marks: SourceMarks) -> None:
     """Raise FileProblems if the keys of a file tell that it is of another kind than `name`, such as "tree"."""
     keys = set(data) if isinstance(data, dict) else set()
     due = next(kind for kind in KINDS if kind.noun == name)

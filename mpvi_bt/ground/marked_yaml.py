@@ -24,7 +24,7 @@ from mpvi_bt.ground.yaml_reader import (
     MAX_NODES,
     MAX_PROBLEMS,
     Location,
-    Marks,
+    SourceMarks,
     place_in,
     plain_scalar,
     pointer,
@@ -40,9 +40,9 @@ __all__ = [
     "Coordinate",
     "Count",
     "Location",
-    "Marks",
     "Record",
     "Share",
+    "SourceMarks",
     "Synset",
     "choices_of",
     "fields_at",
@@ -74,7 +74,7 @@ class Record(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def load_marked(path: str | Path) -> tuple[Any, Marks]:
+def load_marked(path: str | Path) -> tuple[Any, SourceMarks]:
     """Plain data (dict, list, str, int, float, bool, None) of a YAML or JSON file, and the marks of all of it.
 
     Raises:
@@ -109,7 +109,7 @@ def read_bytes(path: str | Path) -> bytes:
     return content
 
 
-def parse_marked(text: str, name: str) -> tuple[Any, Marks]:
+def parse_marked(text: str, name: str) -> tuple[Any, SourceMarks]:
     """As `load_marked`, of a text that `name` stands for in problems."""
     if other := list(foreign(text, name)):
         raise FileProblems(other)
@@ -142,7 +142,7 @@ def validate(path: str | Path, model: type[Model]) -> Model:
     return validate_data(*load_marked(path), model)
 
 
-def validate_data(data: Any, marks: Marks, model: type[Model], at: Location = ()) -> Model:
+def validate_data(data: Any, marks: SourceMarks, model: type[Model], at: Location = ()) -> Model:
     """As `validate`, of data that is already loaded, or of the part of a file's data that stands `at` a location.
 
     Raises:
@@ -157,7 +157,7 @@ def validate_data(data: Any, marks: Marks, model: type[Model], at: Location = ()
     return made
 
 
-def _loose(value: Any, hints: set[Any], marks: Marks, at: Location) -> Iterator[Problem]:
+def _loose(value: Any, hints: set[Any], marks: SourceMarks, at: Location) -> Iterator[Problem]:
     """Where pydantic takes `true` or a quoted "1" for a number. Tuples and models forbid its strict mode."""
     if isinstance(value, dict | list):
         parts: Iterable[tuple[Any, Any]] = value.items() if isinstance(value, dict) else enumerate(value)
@@ -206,7 +206,7 @@ _SHAPES = {
 
 def problems_of(
     error: ValidationError,
-    marks: Marks,
+    marks: SourceMarks,
     model: type[BaseModel],
     at: Location = (),
     keys: Mapping[str, str] | None = None,
@@ -229,7 +229,7 @@ def problems_of(
 
 
 def _problems(
-    error: ValidationError, marks: Marks, model: type[BaseModel], at: Location, keys: Mapping[str, str]
+    error: ValidationError, marks: SourceMarks, model: type[BaseModel], at: Location, keys: Mapping[str, str]
 ) -> Iterator[Problem]:
     for item in error.errors(include_url=False):
         kind, context = item["type"], item.get("ctx", {})

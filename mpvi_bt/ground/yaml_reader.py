@@ -38,7 +38,7 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\
 
 
 @dataclass
-class Marks:
+class SourceMarks:
     """Where everything in a file stands.
 
     Attributes:
@@ -52,7 +52,7 @@ class Marks:
     keys: dict[Location, tuple[int, int]] = field(default_factory=dict)
 
     @classmethod
-    def unplaced(cls, data: Any, file: str) -> Marks:
+    def unplaced(cls, data: Any, file: str) -> SourceMarks:
         """Of data that stands in no file: without places, which give problems their JSON pointers."""
         marks = cls(file)
         left: list[tuple[Location, Any]] = [((), data)]
@@ -112,20 +112,20 @@ def pointer(location: Location) -> str:
     return "".join(f"/{str(part).replace('~', '~0').replace('/', '~1')}" for part in location)
 
 
-def read_yaml(text: str, name: str) -> tuple[Any, Marks]:
+def read_yaml(text: str, name: str) -> tuple[Any, SourceMarks]:
     """Plain data (dict, list, str, int, float, bool, None) of a text that `name` stands for in problems, and its marks.
 
     Raises:
         FileProblems: It is not valid YAML, has duplicate keys or is too large.
     """
-    return _Reader(text, name).read()
+    return _YamlReader(text, name).read()
 
 
-class _Reader:
+class _YamlReader:
     """Builds data and marks straight from the parser's events, so that limits hold before memory is spent."""
 
     def __init__(self, text: str, name: str) -> None:
-        self.marks = Marks(name)
+        self.marks = SourceMarks(name)
         self.problems: list[Problem] = []
         self.count = 0
         self.anchors: dict[str, list[Any]] = {}
@@ -134,7 +134,7 @@ class _Reader:
         self.record: list[Any] = []  # events within an anchored node, so that its aliases can be read again
         self.recording = 0
 
-    def read(self) -> tuple[Any, Marks]:
+    def read(self) -> tuple[Any, SourceMarks]:
         data: Any = None
         try:
             loader = LOADER(self.text)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError
 from mpvi_bt.ground.file_kinds import kind_of, taken_by
-from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked, read_text
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks, load_marked, parse_marked, read_text
 
 if TYPE_CHECKING:  # what it loads is needed only beside a task
     from mpvi_bt.executive.plan.planning_context import PlanningContext
@@ -143,7 +143,7 @@ def problems_in(
     return []
 
 
-def _called(name: str, data: Any, marks: Marks) -> Any:
+def _called(name: str, data: Any, marks: SourceMarks) -> Any:
     """What "module:function" says of a file."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)(data, marks)
@@ -163,7 +163,7 @@ def _bddl_problems(file: str) -> list[Problem]:
     return sorted(findings.problems, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
 
 
-def _tree_problems(data: Any, marks: Marks, site: PlanningContext | None) -> list[Problem]:
+def _tree_problems(data: Any, marks: SourceMarks, site: PlanningContext | None) -> list[Problem]:
     from mpvi_bt.executive.plan.skills import load_skills
     from mpvi_bt.executive.tree.lint import check_rooms, check_targets, lint
     from mpvi_bt.executive.tree.yaml_io import check_tree
@@ -176,7 +176,7 @@ def _tree_problems(data: Any, marks: Marks, site: PlanningContext | None) -> lis
     return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))[:MAX_PROBLEMS]
 
 
-def _plan_problems(data: Any, marks: Marks, site: PlanningContext | None) -> list[Problem]:
+def _plan_problems(data: Any, marks: SourceMarks, site: PlanningContext | None) -> list[Problem]:
     from mpvi_bt.executive.plan.plan_check import plan_problems
     from mpvi_bt.executive.plan.schema import check_plan
     from mpvi_bt.executive.plan.skills import load_skills

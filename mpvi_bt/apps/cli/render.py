@@ -30,7 +30,7 @@ _SUFFIXES: dict[str, Format] = {
 
 
 @dataclass(frozen=True)
-class _Picture:
+class _Drawing:
     """What is drawn.
 
     Attributes:
@@ -108,7 +108,7 @@ def _guessed(out: Path) -> Format:
     return _SUFFIXES[out.suffix.lower()]
 
 
-def _picture(given: str, tick: int | None, values: dict[str, str]) -> _Picture:
+def _picture(given: str, tick: int | None, values: dict[str, str]) -> _Drawing:
     """Raises UserError, FileProblems."""
     if not given.endswith(".jsonl"):
         from mpvi_bt.executive.tree.yaml_io import load_tree, parse_tree
@@ -116,8 +116,8 @@ def _picture(given: str, tick: int | None, values: dict[str, str]) -> _Picture:
         if tick is not None:
             raise UserError(f"{given}: --tick needs the trace of a run, a .jsonl file, not a tree.")
         if given == "-":
-            return _Picture(parse_tree(sys.stdin.read(), "<stdin>", arguments=values))
-        return _Picture(load_tree(paths.find_or_file("trees", given, "tree"), arguments=values))
+            return _Drawing(parse_tree(sys.stdin.read(), "<stdin>", arguments=values))
+        return _Drawing(load_tree(paths.find_or_file("trees", given, "tree"), arguments=values))
 
     from mpvi_bt.executive.trace.read import read_trace
 
@@ -131,10 +131,10 @@ def _picture(given: str, tick: int | None, values: dict[str, str]) -> _Picture:
     when = f"tick {tick}, {trace.time_at(at):.1f} s"
     if tick is None:
         when = trace.told
-    return _Picture(trace.tree_at(i) if i >= 0 else trace.tree, trace.states_at(at), when, at, trace)
+    return _Drawing(trace.tree_at(i) if i >= 0 else trace.tree, trace.states_at(at), when, at, trace)
 
 
-def _drawn(picture: _Picture, form: Format, width: int) -> str:
+def _drawn(picture: _Drawing, form: Format, width: int) -> str:
     if form == "dot":
         from mpvi_bt.executive.drawing.dot import dot_tree
 
@@ -156,7 +156,7 @@ def _drawn(picture: _Picture, form: Format, width: int) -> str:
     return "\n".join(lines)
 
 
-def _described(picture: _Picture) -> dict[str, Any]:
+def _described(picture: _Drawing) -> dict[str, Any]:
     nodes = [
         {
             "path": n.path,

@@ -12,7 +12,7 @@ from mcp_types import ToolAnnotations
 
 from mpvi_bt.ground.errors import FileProblems, Problem, bounded
 from mpvi_bt.ground.marked_yaml import validate_data
-from mpvi_bt.ground.yaml_reader import Marks
+from mpvi_bt.ground.yaml_reader import SourceMarks
 
 _LONGEST = 1000  # characters of a message about arguments; Our choice: an agent pays for each
 
@@ -46,7 +46,7 @@ class StrictTool(Tool):
             ToolError: In our words: what is wrong with the arguments, or what the tool refuses.
         """
         try:
-            validate_data(arguments, Marks.unplaced(arguments, self.name), self.fn_metadata.arg_model)
+            validate_data(arguments, SourceMarks.unplaced(arguments, self.name), self.fn_metadata.arg_model)
         except FileProblems as error:
             raise ToolError(bounded("; ".join(map(_told, error.problems)), _LONGEST)) from None
         try:

@@ -32,7 +32,7 @@ it; progress says how far it is, explain why it failed. One run at a time."""
 def make_server(tools: Tools) -> MCPServer[Any]:
     """The server of some tools, on no transport yet."""
     looks = (tools.tasks, tools.scene, tools.plan, tools.check, tools.preview, tools.explain)
-    server = _Server(
+    server = _ToolServer(
         "mpvi_bt",
         instructions=_INSTRUCTIONS,
         version=mpvi_bt.__version__,
@@ -48,7 +48,7 @@ def make_server(tools: Tools) -> MCPServer[Any]:
     return server
 
 
-class _Server(MCPServer[Any]):
+class _ToolServer(MCPServer[Any]):
     """The SDK's, with the nearest name where a client calls a tool that is not there."""
 
     async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:

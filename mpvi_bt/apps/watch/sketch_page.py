@@ -13,7 +13,7 @@ from mpvi_bt.executive.tree.spec import BrokenNode
 from mpvi_bt.executive.tree.tree_file import TreeReading
 from mpvi_bt.ground.errors import FileProblems, Problem
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, parse_marked
+from mpvi_bt.ground.marked_yaml import SourceMarks, parse_marked
 
 _TRIES = 40  # lines above a mistake in YAML that are given up at most, each with a look at what is left. Our choice
 
@@ -40,7 +40,7 @@ def _state(problems: tuple[Problem, ...]) -> dict[str, str] | None:
     return {"is": "failure", "feedback": "; ".join(p.message for p in problems)} if problems else None
 
 
-def _readable(text: str, file: str) -> tuple[Any, Marks, int, Problem | None]:
+def _readable(text: str, file: str) -> tuple[Any, SourceMarks, int, Problem | None]:
     """Data and marks of the longest part from the beginning that can be read, its lines, and what stands in the way.
 
     Raises FileProblems if there is none.

@@ -87,7 +87,7 @@ class NoParameters(Parameters):
     """Of a node that has none."""
 
 
-class Memory(Parameters):
+class MemoryFlag(Parameters):
     """Of a sequence or selector: whether it resumes at the child that was running. Always said, never assumed."""
 
     memory: Annotated[bool, Field(description=_MEMORY)]
@@ -102,7 +102,7 @@ class OnFailure(Parameters):
     on_failure: Annotated[Literal["advance", "replan"], Field(description=_ON_FAILURE)] = "advance"
 
 
-class Policy(Parameters):
+class ParallelSuccess(Parameters):
     """Of a parallel: what makes it succeed. Any failure fails it."""
 
     policy: Literal["success_on_all", "success_on_one"]
@@ -189,7 +189,7 @@ class Prompt(Parameters):
     prompt: Paragraph
 
 
-class Criterion(Parameters):
+class CriterionToCheck(Parameters):
     """Of check_complete: the state that ends the unit, and the skill whose triggers ask about it (none: all)."""
 
     criterion: Line
@@ -203,7 +203,7 @@ class Pause(Parameters):
     duration: Duration
 
 
-class Stance(Parameters):
+class NamedPosture(Parameters):
     """Of posture: "travel" folds empty hands and straightens up."""
 
     posture: Literal["travel"]
@@ -215,7 +215,7 @@ class Turn(Parameters):
     degrees: Annotated[float, Field(ge=-720, le=720, allow_inf_nan=False)] | None = None
 
 
-class Message(Parameters):
+class SaidText(Parameters):
     """Of say: what to show as the node's feedback."""
 
     text: Line

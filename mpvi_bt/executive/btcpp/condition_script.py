@@ -28,7 +28,7 @@ MAX_DEPTH = 30  # Our choice: of parentheses and "!"; a person's script has thre
 
 
 @dataclass
-class Condition:
+class ScriptTest:
     """What a script asks.
 
     Attributes:
@@ -40,13 +40,13 @@ class Condition:
 
     test: dict[str, Any] = field(default_factory=dict)
     every: bool = True
-    parts: list[Condition] = field(default_factory=list)
+    parts: list[ScriptTest] = field(default_factory=list)
     bare: list[str] = field(default_factory=list)
 
 
-def read_condition(code: str) -> Condition | None:
+def read_condition(code: str) -> ScriptTest | None:
     """What a script asks; None if it does anything else."""
-    parser = _Parser(code)
+    parser = _ConditionParser(code)
     try:
         found = parser.either(False, 0)
     except ValueError:
@@ -55,7 +55,7 @@ def read_condition(code: str) -> Condition | None:
     return found if parser.token == "" else None
 
 
-class _Parser:
+class _ConditionParser:
     """Reads a condition token by token; ValueError if it is none. With `no`, its contrary is meant."""
 
     def __init__(self, code: str) -> None:
@@ -73,21 +73,21 @@ class _Parser:
         self.token, self.literal = ((found[1] or found[2]), found[1] is not None) if found else ("", False)
         return token
 
-    def either(self, no: bool, depth: int) -> Condition:
+    def either(self, no: bool, depth: int) -> ScriptTest:
         parts = [self.both(no, depth)]
         while self.token == "||":
             self.next()
             parts.append(self.both(no, depth))
         return _joined(parts, every=no)
 
-    def both(self, no: bool, depth: int) -> Condition:
+    def both(self, no: bool, depth: int) -> ScriptTest:
         parts = [self.comparison(no, depth)]
         while self.token == "&&":
             self.next()
             parts.append(self.comparison(no, depth))
         return _joined(parts, every=not no)
 
-    def comparison(self, no: bool, depth: int) -> Condition:
+    def comparison(self, no: bool, depth: int) -> ScriptTest:
         if depth > MAX_DEPTH:
             raise ValueError("too deep")
         if self.token == "!":
@@ -106,7 +106,7 @@ class _Parser:
             left = right
         return _joined(parts, every=not no)
 
-    def prefix(self, no: bool, depth: int) -> Condition:
+    def prefix(self, no: bool, depth: int) -> ScriptTest:
         """What stands behind a "!", or in parentheses; neither may be compared."""
         if self.token == "!":
             return self.comparison(no, depth)
@@ -123,14 +123,14 @@ class _Parser:
             raise ValueError("no operand")
         return self.next()
 
-    def alone(self, key: str, no: bool) -> Condition:
+    def alone(self, key: str, no: bool) -> ScriptTest:
         if not _is_key(key) or self.token in _FIELDS:
             raise ValueError("no key")
         self.bare.append(key)
-        return Condition({"key": key, "equals": not no})
+        return ScriptTest({"key": key, "equals": not no})
 
 
-def _test(left: str, sign: str, right: str) -> Condition:
+def _test(left: str, sign: str, right: str) -> ScriptTest:
     if not _is_key(left):
         left, sign, right = right, _TURNED[sign], left
     if not _is_key(left):
@@ -138,25 +138,25 @@ def _test(left: str, sign: str, right: str) -> Condition:
     value: Value = literal_value(right)
     if sign not in ("==", "!=") and (isinstance(value, str | bool)):
         raise ValueError("no number")
-    return Condition({"key": left, **dict.fromkeys(_FIELDS[sign], value)})
+    return ScriptTest({"key": left, **dict.fromkeys(_FIELDS[sign], value)})
 
 
 def _is_key(literal: str) -> bool:
     return literal[0].isalpha() and literal not in ("true", "false")
 
 
-def _joined(parts: list[Condition], every: bool) -> Condition:
+def _joined(parts: list[ScriptTest], every: bool) -> ScriptTest:
     """Several conditions as one; tests of one key that must all hold are one test."""
     if len(parts) == 1:
         return parts[0]
-    found: list[Condition] = []
+    found: list[ScriptTest] = []
     for part in parts:
         same = [one for one in found if every and part.test and _together(one.test, part.test)]
         if same:
             same[-1].test |= part.test
         else:
             found.append(part)
-    return found[0] if len(found) == 1 else Condition(every=every, parts=found)
+    return found[0] if len(found) == 1 else ScriptTest(every=every, parts=found)
 
 
 def _together(one: dict[str, Any], other: dict[str, Any]) -> bool:

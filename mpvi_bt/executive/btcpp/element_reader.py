@@ -11,7 +11,7 @@ from mpvi_bt.executive.behaviors import references
 from mpvi_bt.executive.behaviors.parameters import Comparison, Value
 from mpvi_bt.executive.behaviors.registry import node_types
 from mpvi_bt.executive.btcpp import equivalents, mapping, nav2
-from mpvi_bt.executive.btcpp.condition_script import Condition, read_condition
+from mpvi_bt.executive.btcpp.condition_script import ScriptTest, read_condition
 from mpvi_bt.executive.btcpp.file import EXPLICIT, XmlFile, below, place_of, tag_of
 from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.executive.btcpp.placeholders import is_foreign
@@ -21,7 +21,7 @@ from mpvi_bt.executive.tree.reader import MAX_DEPTH, MAX_NODES, read
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.tree_file import TreeReading
 from mpvi_bt.ground.errors import FileProblems, shown
-from mpvi_bt.ground.marked_yaml import Location, Marks, parse_marked
+from mpvi_bt.ground.marked_yaml import Location, SourceMarks, parse_marked
 
 _STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on
 _COUNTS = ("num_attempts", "num_cycles")
@@ -34,7 +34,7 @@ class ElementReader:
 
     def __init__(self, file: XmlFile, calls: Calls, name: str) -> None:
         self.file, self.calls, self.name = file, calls, name
-        self.marks = Marks(file.name)
+        self.marks = SourceMarks(file.name)
         self.within = [name]  # the tree, and those that were called on the way down
         self.bound: Mapping[str, Any] = {}  # the arguments of the innermost call
 
@@ -231,7 +231,7 @@ class ElementReader:
             self.file.warn(element, "script", f"{key!r} alone is read as {key} == true", "code")
         return self._tests(element, at, found)
 
-    def _tests(self, element: Element, at: Location, asked: Condition) -> dict[str, Any]:
+    def _tests(self, element: Element, at: Location, asked: ScriptTest) -> dict[str, Any]:
         if asked.test:
             return self._data(element, at, "test", asked.test, dict.fromkeys(asked.test, "code"))
         data = self._data(element, at, "sequence" if asked.every else "selector", {"memory": True}, {})

@@ -14,7 +14,7 @@ from mpvi_bt.executive.behaviors.parameters import Call
 from mpvi_bt.executive.behaviors.registry import node_types
 from mpvi_bt.executive.btcpp import mapping
 from mpvi_bt.executive.btcpp.marked_xml import MAX_DEPTH
-from mpvi_bt.executive.btcpp.script import Board, assignment, comparison_code, first_value
+from mpvi_bt.executive.btcpp.script import KeyValues, assignment, comparison_code, first_value
 from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.ground.errors import FileProblems, Problem
 
@@ -49,7 +49,7 @@ def to_xml(tree: TreeSpec) -> Exported:
 class _Exporter:
     def __init__(self, tree: TreeSpec) -> None:
         self.tree = tree
-        self.board = Board(tree)
+        self.board = KeyValues(tree)
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
         self.ids: set[str] = set()

@@ -64,7 +64,7 @@ _NODES = """
 
 
 @dataclass(frozen=True)
-class Node:
+class NodeModel:
     """A node that BehaviorTree.CPP registers by itself.
 
     Attributes:
@@ -76,13 +76,13 @@ class Node:
     ports: Mapping[str, bool]
 
 
-def _nodes() -> Iterable[tuple[str, Node]]:
+def _nodes() -> Iterable[tuple[str, NodeModel]]:
     for line in _NODES.split("\n")[1:-1]:
         category, name, *ports = line.split()
-        yield name, Node(category, {port.rstrip("!"): port.endswith("!") for port in ports})
+        yield name, NodeModel(category, {port.rstrip("!"): port.endswith("!") for port in ports})
 
 
-NODES: Mapping[str, Node] = MappingProxyType(dict(_nodes()))
+NODES: Mapping[str, NodeModel] = MappingProxyType(dict(_nodes()))
 
 
 @dataclass(frozen=True)

@@ -45,10 +45,10 @@ def parse_xml(text: str, name: str) -> Element:
     Raises:
         FileProblems: It is not well-formed, declares a DOCTYPE (and with it entities), is nested too deep or too large.
     """
-    return _Parser(text, name).parse()
+    return _XmlParser(text, name).parse()
 
 
-class _Parser:
+class _XmlParser:
     def __init__(self, text: str, name: str) -> None:
         self.name, self.text = name, text
         self.bytes = text.encode()

@@ -26,7 +26,7 @@ _IDENTIFIER = re.compile(r"(?<![\w@])[A-Za-z_@]\w*")
 _SET = re.compile(rf"({_IDENTIFIER.pattern})\s*(?::=|[-+*/]?=(?!=))")
 
 
-class Board:
+class KeyValues:
     """What the keys hold, as far as the tree tells.
 
     Attributes:
@@ -65,7 +65,7 @@ class Board:
             self.types[key] = joined
 
 
-def comparison_code(given: Comparison, board: Board) -> str | None:
+def comparison_code(given: Comparison, board: KeyValues) -> str | None:
     """The script of a comparison, such as "cups >= 3"; None if none does the same."""
     held = board.types.get(given.key)
     parts = []
@@ -85,7 +85,7 @@ def comparison_code(given: Comparison, board: Board) -> str | None:
     return " && ".join(parts) or None
 
 
-def assignment(given: Assignment, board: Board) -> tuple[str, dict[str, str]] | None:
+def assignment(given: Assignment, board: KeyValues) -> tuple[str, dict[str, str]] | None:
     """Their node that does an assignment, and its ports; None if none does the same."""
     held = board.types.get(given.key)
     if held is None:

@@ -30,7 +30,7 @@ _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?")
 
 
 @dataclass(frozen=True)
-class Call:
+class SubTreeNode:
     """A SubTree node.
 
     Attributes:
@@ -121,7 +121,7 @@ class Calls:
         _settle(found, [(c.callee, c.caller, _outside(c)) for c in self.calls])
         return found
 
-    def _kept(self, call: Call) -> Callable[[set[str]], set[str]]:
+    def _kept(self, call: SubTreeNode) -> Callable[[set[str]], set[str]]:
         """The parameters of a caller that the called tree knows by the same name."""
 
         def same(names: set[str]) -> set[str]:
@@ -159,9 +159,9 @@ def keys_handed_on(file: XmlFile) -> set[str]:
     return filled.union(*(needs.texts for needs in file.needs.values()))
 
 
-def _calls(file: XmlFile) -> list[Call]:
+def _calls(file: XmlFile) -> list[SubTreeNode]:
     found = [
-        Call(element, name, element.attributes.get("ID", ""), _ports(element))
+        SubTreeNode(element, name, element.attributes.get("ID", ""), _ports(element))
         for name, tree in file.trees.items()
         for element in below(tree)
         if tag_of(element) == "SubTree"
@@ -212,12 +212,12 @@ def _is_text(element: Element, name: str) -> bool:
     return any(_key(text) == name and port in ports and ports[port].text for port, text in element.attributes.items())
 
 
-def _hidden(call: Call) -> Callable[[set[str]], set[str]]:
+def _hidden(call: SubTreeNode) -> Callable[[set[str]], set[str]]:
     """The keys of a called tree that are its caller's, too, without being named by the call."""
     return lambda names: names - call.ports.keys() if autoremaps(call.element) else set()
 
 
-def _outside(call: Call) -> Callable[[set[str]], set[str]]:
+def _outside(call: SubTreeNode) -> Callable[[set[str]], set[str]]:
     """What a caller calls the keys that a called tree needs; those that it gives a text it needs no more."""
 
     def renamed(names: set[str]) -> set[str]:

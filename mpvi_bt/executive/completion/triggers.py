@@ -105,9 +105,9 @@ class ProprioceptiveTriggers:
         body = self._robot.proprioception()
         self._hands = {side: _Hand(self.thresholds, body, side) for side in body.sides}
         self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
-        self._rest = _Rest(self.thresholds, body)
+        self._rest = _ArmRest(self.thresholds, body)
         self._press = _Press(self.thresholds, body) if "release" in self._apart else None
-        self._drive = _Drive(self.thresholds)
+        self._drive = _BaseArrival(self.thresholds)
         self._idle: list[Side | None] = []  # whose it is still to be told of
 
     def update(self) -> TriggerEvent | None:
@@ -325,7 +325,7 @@ class _Press:
         self._armed = False
 
 
-class _Drive:
+class _BaseArrival:
     """Whether the base has gone somewhere since the last arrival, and the whole body stands now."""
 
     def __init__(self, thresholds: Thresholds) -> None:
@@ -345,7 +345,7 @@ class _Drive:
         return True
 
 
-class _Rest:
+class _ArmRest:
     """Whether the arms have gone somewhere since the last rest, and the whole body stands now."""
 
     def __init__(self, thresholds: Thresholds, body: Proprioception) -> None:

@@ -45,7 +45,7 @@ class _Answered(Record):
     tries: int = Field(ge=1)
 
 
-class _Failed(Record):
+class _FailedExchange(Record):
     """As `ModelError`."""
 
     reason: str
@@ -62,7 +62,7 @@ class _Exchange(Record):
     messages: list[dict[str, str]]
     schema_: dict[str, Any] | None = Field(alias="schema")
     answer: _Answered | None = None
-    failure: _Failed | None = None
+    failure: _FailedExchange | None = None
 
     @model_validator(mode="after")
     def _is_whole(self) -> _Exchange:

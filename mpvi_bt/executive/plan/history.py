@@ -31,7 +31,7 @@ class Unit:
 
 
 @dataclass(frozen=True)
-class SeenThing:
+class SeenObject:
     """An object that the robot has seen.
 
     Attributes:
@@ -59,7 +59,7 @@ class History:
 
     units: tuple[Unit, ...]
     planned: tuple[str, ...] = ()
-    seen: tuple[SeenThing, ...] = ()
+    seen: tuple[SeenObject, ...] = ()
 
     def text(self) -> str:
         """All of it for a prompt, in lines, at most `LONGEST` characters.
@@ -92,7 +92,7 @@ def _told(unit: Unit) -> dict[str, Any]:
     return told
 
 
-def _thing(thing: SeenThing) -> dict[str, Any]:
+def _thing(thing: SeenObject) -> dict[str, Any]:
     told = {"name": thing.name, "room": thing.room, "in": thing.inside}
     known: dict[str, Any] = {key: _line(text, _NAME) for key, text in told.items() if text}
     return known | ({"held": True} if thing.held else {})

@@ -20,7 +20,7 @@ from mpvi_bt.executive.plan.prompt import checked_instruction, conversation, rep
 from mpvi_bt.executive.plan.schema import Plan
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.errors import FileProblems, ModelError, Problem
-from mpvi_bt.ground.marked_yaml import Marks, validate_data
+from mpvi_bt.ground.marked_yaml import SourceMarks, validate_data
 from mpvi_bt.ground.writing import write_whole
 
 REPAIRS = 3  # Our choice: how often a model may mend its plan
@@ -163,7 +163,7 @@ def checked(
     """
     if isinstance(data, dict):
         data = {**data, "instruction": instruction, **({"task_name": task_name} if task_name else {})}
-    marks = Marks.unplaced(data, "answer")
+    marks = SourceMarks.unplaced(data, "answer")
     try:
         plan = validate_data(data, marks, Plan)
     except FileProblems as error:

@@ -82,7 +82,7 @@ class _Fork(_Node):
 
 
 @dataclass(eq=False)
-class _Listed(_Node):
+class _OwnWords(_Node):
     """A slot that has words of its own."""
 
     slot: str
@@ -179,7 +179,7 @@ def _filled(text: str, path: _Path) -> dict[str, str]:
     end, before = path[1], path[2]
     while before is not None:
         node, at, before = before
-        if isinstance(node, _Thing | _Listed):
+        if isinstance(node, _Thing | _OwnWords):
             words[node.slot] = text[at:end]
         if not isinstance(node, _Within):
             end = at
@@ -250,7 +250,7 @@ class _Group:
                 elif isinstance(item, _Group):
                     node = item.node(node)
                 elif item[0] in _WORDS:
-                    node = _Listed(item[0], node)
+                    node = _OwnWords(item[0], node)
                 else:
                     node = _Thing(_Within(item[0], tuple(filter(None, item[1])), node))
             nodes.append(node)

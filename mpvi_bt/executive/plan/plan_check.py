@@ -13,10 +13,10 @@ from mpvi_bt.executive.plan.planning_context import PlanningContext
 from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.executive.plan.skills import Skill, SkillCall
 from mpvi_bt.ground.errors import Problem, did_you_mean, nearest, shown
-from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, Marks
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks
 from mpvi_bt.ground.words.phrases import normalize
 
-_NO_MARKS = Marks("")
+_NO_MARKS = SourceMarks("")
 _HAND = re.compile(
     r"\b(?:with|using|in|to|from) (?:the |its |your |my |robot's )*"
     r"(left|right|middle|center|central|third|fourth|fifth|upper|lower|front|rear|back) "
@@ -29,7 +29,7 @@ def plan_problems(
     plan: Plan,
     skills: Mapping[str, Skill],
     grounding: PlanningContext | None = None,
-    marks: Marks = _NO_MARKS,
+    marks: SourceMarks = _NO_MARKS,
     begins: bool = True,
 ) -> list[Problem]:
     """Criteria, rooms, targets and hands that cannot be meant; `MAX_PROBLEMS` at most, in the order of the plan.
@@ -48,7 +48,7 @@ def plan_problems(
 
 
 def _problems(
-    plan: Plan, skills: Mapping[str, Skill], grounding: PlanningContext | None, marks: Marks, begins: bool
+    plan: Plan, skills: Mapping[str, Skill], grounding: PlanningContext | None, marks: SourceMarks, begins: bool
 ) -> Iterator[Problem]:
     held = Hands(grounding.hands if grounding else ("left", "right"))
     for i, segment in enumerate(plan.segments):
@@ -78,7 +78,7 @@ def _so(segment: Navigation | Manipulation, call: SkillCall | None) -> str:
     return f", such as {state!r}" if state else ""
 
 
-def _places(segment: Navigation, grounding: PlanningContext, marks: Marks, i: int) -> Iterator[Problem]:
+def _places(segment: Navigation, grounding: PlanningContext, marks: SourceMarks, i: int) -> Iterator[Problem]:
     known = grounding.room_names
     if segment.room is not None and normalize(segment.room) not in known:
         near = grounding.room_called(segment.room) or nearest(normalize(segment.room), known)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, StringConstraints
 
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 
 
 def _one_line(text: str) -> str:
@@ -94,7 +94,7 @@ def load_plan(path: str | Path) -> Plan:
     return check_plan(*load_marked(path))
 
 
-def check_plan(data: Any, marks: Marks) -> Plan:
+def check_plan(data: Any, marks: SourceMarks) -> Plan:
     """As `load_plan`, of data that is already loaded."""
     expect("plan", data, marks)
     return validate_data(data, marks, Plan)

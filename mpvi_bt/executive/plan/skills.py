@@ -17,7 +17,7 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.import_paths import IMPORT_PATH
-from mpvi_bt.ground.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 
 
 class Trigger(Record):
@@ -121,7 +121,7 @@ def load_skill(path: str | Path) -> Skill:
     return check_skill(*load_marked(path))
 
 
-def check_skill(data: object, marks: Marks) -> Skill:
+def check_skill(data: object, marks: SourceMarks) -> Skill:
     """As `load_skill`, of data that is already loaded."""
     expect("skill", data, marks)
     skill = validate_data(data, marks, Skill)

@@ -17,7 +17,7 @@ from mpvi_bt.executive.remote.prompts import check_prompts
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UserError, shown
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 from mpvi_bt.ground.robot.action_rows import LEAST_HZ, MOST_HZ, ActionKind
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 
@@ -332,7 +332,7 @@ def load_settings(given: str) -> DialectSettings:
     return check_settings(*load_marked(paths.find_or_file("policies", given)))
 
 
-def _with_rate(settings: DialectSettings, marks: Marks) -> DialectSettings:
+def _with_rate(settings: DialectSettings, marks: SourceMarks) -> DialectSettings:
     """The settings with their dataset's rate. A relative folder is looked for from theirs on. Raises FileProblems."""
     if settings.dataset is None:
         return settings
@@ -346,7 +346,7 @@ def _with_rate(settings: DialectSettings, marks: Marks) -> DialectSettings:
     return settings.model_copy(update={"rate_hz": rate_hz})
 
 
-def check_settings(data: Any, marks: Marks) -> DialectSettings:
+def check_settings(data: Any, marks: SourceMarks) -> DialectSettings:
     """As `load_settings`, of data that is already loaded. A file of prompts is looked for from their folder on."""
     expect("policy", data, marks)
     settings = _with_rate(validate_data(data, marks, DialectSettings), marks)

@@ -11,12 +11,12 @@ from typing import Any
 
 from mpvi_bt.executive.plan.schema import MOST_OF_PROMPT
 from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName, UserError, shown
-from mpvi_bt.ground.marked_yaml import Marks, load_marked
+from mpvi_bt.ground.marked_yaml import SourceMarks, load_marked
 
 _PROMPT = "task"  # its key in comet's file
 
 
-def check_prompts(given: str, marks: Marks, at: tuple[str, ...]) -> Path:
+def check_prompts(given: str, marks: SourceMarks, at: tuple[str, ...]) -> Path:
     """The path of a file of prompts that is named in another file; relative to that one's folder.
 
     Args:
@@ -50,7 +50,7 @@ def read_prompts(file: str | Path) -> dict[str, str]:
     return {task: entry if isinstance(entry, str) else entry[_PROMPT] for task, entry in data.items()}
 
 
-def _wrong(data: Any, marks: Marks) -> Iterator[Problem]:
+def _wrong(data: Any, marks: SourceMarks) -> Iterator[Problem]:
     if not isinstance(data, dict) or not data:
         yield marks.problem((), "wrong-type", f"should map tasks to their prompts, not be {shown(data)}")
         return

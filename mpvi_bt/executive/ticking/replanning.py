@@ -13,7 +13,7 @@ from mpvi_bt.executive.behaviors.context import Context, Failure, Log, Replan
 from mpvi_bt.executive.behaviors.question import Question
 from mpvi_bt.executive.behaviors.references import unescaped
 from mpvi_bt.executive.language.chat import Answer
-from mpvi_bt.executive.plan.history import History, SeenThing, Unit
+from mpvi_bt.executive.plan.history import History, SeenObject, Unit
 from mpvi_bt.executive.plan.knowledge import LIKELY, Entry
 from mpvi_bt.executive.plan.planners import NoPlan, Planner
 from mpvi_bt.executive.plan.schema import Plan
@@ -53,7 +53,7 @@ class Replanner:
         tree: Tree,
         context: Context,
         instruction: str = "",
-        seen: Callable[[], Iterable[SeenThing]] = tuple,
+        seen: Callable[[], Iterable[SeenObject]] = tuple,
         swapped: Callable[[TreeSpec], object] = lambda spec: None,
         drive: Drive = "navigator",
         arrange: Arrange | None = None,
@@ -95,7 +95,7 @@ class Replanner:
                 self._swap(request, request.rest)
         self._open = [request for request in self._open if request.question is not None and request.rest is None]
 
-    def _swap(self, request: _Request, rest: _Rest) -> None:
+    def _swap(self, request: _Request, rest: _Replanned) -> None:
         spec, path = self._tree.spec, request.path
         row = row_of(spec, path) or (path,)
         place = row.index(path) + 1
@@ -115,7 +115,7 @@ class Replanner:
 
 
 @dataclass(frozen=True)
-class _Rest:
+class _Replanned:
     """What the planner said: a plan, that nothing is left to do, or what is wrong with its answers."""
 
     plan: Plan | None
@@ -135,13 +135,13 @@ class _Rest:
         return Cost(self.answers[-1].model, tokens_in, tokens_out, all(answer.kept for answer in self.answers))
 
 
-def _rest(planner: Planner, name: str, instruction: str, history: History) -> _Rest:
+def _rest(planner: Planner, name: str, instruction: str, history: History) -> _Replanned:
     """Ask. A failure that took its time is an answer too, which comes when that has passed; others are raised."""
     try:
         planned = planner.ask(name, instruction, history)
     except NoPlan as error:
-        return _Rest(None, error.answers, None if error.reason == "nothing_left" else error)
-    return _Rest(planned.plan, planned.answers)
+        return _Replanned(None, error.answers, None if error.reason == "nothing_left" else error)
+    return _Replanned(planned.plan, planned.answers)
 
 
 class _Request:
@@ -157,9 +157,9 @@ class _Request:
         rest: The answer, from when it is there until it is in the tree.
     """
 
-    def __init__(self, path: str, log: Log, note: str, question: Question[_Rest] | None = None) -> None:
+    def __init__(self, path: str, log: Log, note: str, question: Question[_Replanned] | None = None) -> None:
         self.path, self.note, self.question = path, note, question
-        self.rest: _Rest | None = None
+        self.rest: _Replanned | None = None
         self._log = log
 
     def waits(self) -> bool:
@@ -197,7 +197,7 @@ def _came_to(segments: int | None, said: str) -> str:
     return f"new plan: {segments} segment{'s' * (segments != 1)}"
 
 
-def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[SeenThing] = ()) -> History:
+def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[SeenObject] = ()) -> History:
     """What came of a sequence up to the `attempt` at `path`, which has just failed, and what would come after it."""
     row = row_of(tree.spec, path) or (path,)
     placed = {node.path: node for node in tree.spec.nodes}
@@ -209,12 +209,12 @@ def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: 
     return History(tuple(units), tuple(_said(placed, later) for later in row[place + 1 :]), tuple(seen))
 
 
-def things(known: Iterable[Entry]) -> list[SeenThing]:
+def things(known: Iterable[Entry]) -> list[SeenObject]:
     """What a knowledge base holds of what was seen, carried things first, then the surest; none of a prior map."""
     by_name = {entry.name: entry for entry in known}
     seen = [e for e in by_name.values() if e.kind != "room" and e.source != "prior" and e.confidence >= LIKELY]
     return [
-        SeenThing(_called(e), e.room, _called(by_name[e.inside]) if e.inside in by_name else e.inside, e.held)
+        SeenObject(_called(e), e.room, _called(by_name[e.inside]) if e.inside in by_name else e.inside, e.held)
         for e in sorted(seen, key=lambda e: (not e.held, e.kind != "object", -e.confidence))
     ]
 

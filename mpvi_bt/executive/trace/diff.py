@@ -185,7 +185,7 @@ def difference_text(difference: Difference, names: tuple[str, str] = ("first", "
         width: Columns.
     """
     d = difference
-    text = _Text(width)
+    text = _CutLines(width)
     text.add(f"A  {names[0]}")
     text.add(f"B  {names[1]}")
     text.section("settings that differ:", [(v.name, _value(v.a), _value(v.b)) for v in d.settings])
@@ -206,7 +206,7 @@ def difference_text(difference: Difference, names: tuple[str, str] = ("first", "
     return "\n".join(text.lines)
 
 
-class _Text:
+class _CutLines:
     """Lines that are cut at a width."""
 
     def __init__(self, width: int) -> None:

@@ -26,7 +26,7 @@ _LEAST = 40  # columns that indentation leaves
 def explanation_text(explanation: Explanation, width: int = 80) -> str:
     """The explanation for a person, no line wider than `width`."""
     e = explanation
-    text = _Text(width)
+    text = _WrappedLines(width)
     text.add(f"{e.tree}: {e.told}, tick {e.tick}")
     if e.conditions:
         text.add(f"{e.conditions - len(e.unmet)} of {e.conditions} conditions of the goal hold", 1)
@@ -72,7 +72,7 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
     return text.text
 
 
-class _Text:
+class _WrappedLines:
     """Lines that are wrapped and indented, up to a width."""
 
     def __init__(self, width: int) -> None:

@@ -9,11 +9,11 @@ from mpvi_bt.executive.tree.tree_file import TreeReading, TreeSource, due, fits,
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, MpviError, UnknownName, UserError, shown
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Location, Marks, load_marked
+from mpvi_bt.ground.marked_yaml import Location, SourceMarks, load_marked
 
 
 def called_file(
-    call: Call, at: Location, marks: Marks, reading: TreeReading, above: tuple[Path, ...]
+    call: Call, at: Location, marks: SourceMarks, reading: TreeReading, above: tuple[Path, ...]
 ) -> tuple[Path, TreeSource] | None:
     """The file that a subtree node calls, or None if it cannot be called so; then `reading` has the problems.
 
@@ -31,7 +31,7 @@ def called_file(
     return path, source
 
 
-def _find(name: str, at: Location, marks: Marks, reading: TreeReading) -> Path | None:
+def _find(name: str, at: Location, marks: SourceMarks, reading: TreeReading) -> Path | None:
     """The file that a subtree names: one beside this file, or a tree of a root."""
     folder = Path(marks.file).parent
     if "/" in name or name.endswith(paths.SUFFIXES):
@@ -52,7 +52,9 @@ def _find(name: str, at: Location, marks: Marks, reading: TreeReading) -> Path |
     return None
 
 
-def _source(path: Path, at: Location, marks: Marks, reading: TreeReading, above: tuple[Path, ...]) -> TreeSource | None:
+def _source(
+    path: Path, at: Location, marks: SourceMarks, reading: TreeReading, above: tuple[Path, ...]
+) -> TreeSource | None:
     """A subtree's file, or None if it cannot be used here."""
     own = path.resolve()
     if own in above:
@@ -72,7 +74,7 @@ def _source(path: Path, at: Location, marks: Marks, reading: TreeReading, above:
     return reading.sources[own]
 
 
-def _fit(call: Call, path: Path, source: TreeSource, at: Location, marks: Marks, reading: TreeReading) -> bool:
+def _fit(call: Call, path: Path, source: TreeSource, at: Location, marks: SourceMarks, reading: TreeReading) -> bool:
     """Whether the arguments are those that the called tree takes."""
     before = len(reading.problems)
     parameters = source.file.parameters

@@ -15,7 +15,7 @@ from typing import Literal
 
 import yaml
 
-from mpvi_bt.ground.marked_yaml import Location, Marks
+from mpvi_bt.ground.marked_yaml import Location, SourceMarks
 from mpvi_bt.ground.yaml_reader import LOADER
 
 Position = tuple[int, int]  # 1-based line and column
@@ -44,7 +44,7 @@ def texts_of(text: str) -> list[str]:
     return [found.text for found in _found(text)[0] if found.text]
 
 
-def comments_of(text: str, marks: Marks) -> list[Comment]:
+def comments_of(text: str, marks: SourceMarks) -> list[Comment]:
     """The comments and empty lines of a YAML text, each with what it is about.
 
     Args:
@@ -83,7 +83,7 @@ def _tied(
     return Comment(one.text, "above", after[1])
 
 
-def with_comments(text: str, marks: Marks, comments: Iterable[Comment]) -> str:
+def with_comments(text: str, marks: SourceMarks, comments: Iterable[Comment]) -> str:
     """A text with comments put where they belong.
 
     Args:
@@ -147,7 +147,7 @@ def _found(text: str) -> tuple[list[_Found], dict[Position, Position]]:
     return found, dashes
 
 
-def _entries(marks: Marks, dashes: Mapping[Position, Position]) -> _Entries:
+def _entries(marks: SourceMarks, dashes: Mapping[Position, Position]) -> _Entries:
     taken: dict[Position, Location] = {}  # what an alias stands for has the place of its anchor
     for at, place in marks.values.items():
         if at:

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Literal
 
 from mpvi_bt.executive.behaviors.parameters import (
-    Criterion,
+    CriterionToCheck,
     Limit,
-    Memory,
+    MemoryFlag,
     NavigateTo,
     NoParameters,
     OnFailure,
@@ -64,7 +64,10 @@ def compile_plan(
         UserError: There is no such setting.
     """
     root = NodeSpec(
-        "sequence", Memory(memory=True), plan.task_name, compile_units(plan, skills, on_failure, drive, arrange=arrange)
+        "sequence",
+        MemoryFlag(memory=True),
+        plan.task_name,
+        compile_units(plan, skills, on_failure, drive, arrange=arrange),
     )
     return TreeSpec(plan.task_name, root, plan.instruction)
 
@@ -182,7 +185,7 @@ def _meant(segment: Navigation) -> str:
 def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
     """The policy at work on some segments until the checker says that the last one, done by that skill, is complete."""
     prompt = Prompt(prompt=escaped(_joined(parts)))
-    criterion = Criterion(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
+    criterion = CriterionToCheck(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
     children = (
         NodeSpec("manipulate", prompt, segments=numbers),
         NodeSpec("check_complete", criterion, segments=numbers[-1:]),

@@ -14,7 +14,7 @@ from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.executive.tree.outcomes import Outcomes, outcomes
 from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.ground.errors import Problem, did_you_mean, nearest, shown
-from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, Location, Marks
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, Location, SourceMarks
 
 CONTROL_HZ = 30  # of robot.protocol, which loads numpy
 
@@ -22,10 +22,10 @@ _ENDS_A_CHILD = {"timeout", "condition", "until_complete", "parallel"}
 _PAUSES = ("wait", "look_around")  # which take time whenever they begin
 _TAKE_TIME = (*_PAUSES, "navigate", "posture", "manipulate", "check_complete")
 _AS_ITS_CHILD = ("attempt", "timeout", "retry", "repeat", "subtree", "condition", "cooldown")
-_NO_MARKS = Marks("")
+_NO_MARKS = SourceMarks("")
 
 
-def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks = _NO_MARKS) -> list[Problem]:
+def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: SourceMarks = _NO_MARKS) -> list[Problem]:
     """Blackboard keys, parameters, order, times and prompts that cannot be meant; `MAX_PROBLEMS` at most.
 
     Args:
@@ -38,7 +38,7 @@ def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks
     return list(islice(found, MAX_PROBLEMS))
 
 
-def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS) -> list[Problem]:
+def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: SourceMarks = _NO_MARKS) -> list[Problem]:
     """The rooms that nodes name and the house does not have.
 
     Args:
@@ -62,7 +62,7 @@ def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS
     return found
 
 
-def check_targets(spec: TreeSpec, phrases: Collection[str], marks: Marks = _NO_MARKS) -> list[Problem]:
+def check_targets(spec: TreeSpec, phrases: Collection[str], marks: SourceMarks = _NO_MARKS) -> list[Problem]:
     """Warnings of what nodes drive to and nothing in the house is called.
 
     Args:
@@ -106,7 +106,7 @@ class _Linter:
         spec, skills, marks: As for `lint`.
     """
 
-    def __init__(self, spec: TreeSpec, skills: Mapping[str, Skill] | None, marks: Marks) -> None:
+    def __init__(self, spec: TreeSpec, skills: Mapping[str, Skill] | None, marks: SourceMarks) -> None:
         self.spec, self.skills, self.marks = spec, skills, marks
         self.examples = [example(phrase) for skill in (skills or {}).values() for phrase in skill.phrases]
         self.known_ends: dict[int, Outcomes] = {}

@@ -17,14 +17,14 @@ from mpvi_bt.executive.tree.spec import BrokenNode, NodeSpec, Place, TreeParamet
 from mpvi_bt.executive.tree.synonyms import meant
 from mpvi_bt.executive.tree.tree_file import NodeHead, TreeReading, TreeSource, head_of, typed
 from mpvi_bt.ground.errors import FileProblems, UserError, did_you_mean, shown, with_article
-from mpvi_bt.ground.marked_yaml import Location, Marks, problems_of
+from mpvi_bt.ground.marked_yaml import Location, SourceMarks, problems_of
 
 MAX_NODES = 20_000  # of a tree with its subtrees written out: a few files could ask for millions
 MAX_DEPTH = 90  # likewise; a deeper tree is slow to tick, no person reads it, and a trace nests two levels a node
 _STAND_INS: Mapping[str, Value] = {"number": 1.0, "integer": 1, "boolean": True}  # of parameters without a value
 
 
-def read(data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, Value]) -> TreeSpec:
+def read(data: Any, marks: SourceMarks, reading: TreeReading, arguments: Mapping[str, Value]) -> TreeSpec:
     """The tree of a file's data.
 
     Args:
@@ -43,7 +43,7 @@ def read(data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, 
 
 
 def sketch(
-    data: Any, marks: Marks, reading: TreeReading, arguments: Mapping[str, Value] | None = None
+    data: Any, marks: SourceMarks, reading: TreeReading, arguments: Mapping[str, Value] | None = None
 ) -> TreeSpec | None:
     """As `read`, of a tree that may be wrong: what is wrong with a node makes it a `BrokenNode`.
 
@@ -81,7 +81,7 @@ def _tree(
         return None  # which of the nodes below are none is not known
     types = {**node_types(), **own}
     below = keys.union(file.blackboard)
-    reader = _Reader(source.marks, reading, types, values | stand_ins, frozenset(unbound), above, below)
+    reader = _TreeReader(source.marks, reading, types, values | stand_ins, frozenset(unbound), above, below)
     node = reader.node(root, ("root",), ()) if isinstance(root, dict) else None
     if node is None:
         return None
@@ -112,7 +112,7 @@ def _own_nodes(source: TreeSource, reading: TreeReading) -> dict[str, NodeType] 
     return found if len(reading.problems) == before else None
 
 
-class _Reader:
+class _TreeReader:
     """Builds the nodes of one file, collecting every problem on the way.
 
     Args:
@@ -127,7 +127,7 @@ class _Reader:
 
     def __init__(
         self,
-        marks: Marks,
+        marks: SourceMarks,
         reading: TreeReading,
         types: Mapping[str, NodeType],
         values: Mapping[str, Value],

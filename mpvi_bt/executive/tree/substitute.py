@@ -33,7 +33,7 @@ from mpvi_bt.executive.tree.globs import fits, matching, no_match
 from mpvi_bt.executive.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.ground.errors import FileProblems
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 
 if TYPE_CHECKING:
     from py_trees.behaviour import Behaviour
@@ -106,7 +106,7 @@ class Rules:
     """
 
     rules: Sequence[Rule]
-    marks: Marks
+    marks: SourceMarks
 
     def check(self, tree: TreeSpec) -> None:
         """Raise FileProblems if a rule fits no node of the tree."""
@@ -133,7 +133,7 @@ def load_rules(path: str | Path) -> Rules:
     return check_rules(*load_marked(path))
 
 
-def check_rules(data: Any, marks: Marks) -> Rules:
+def check_rules(data: Any, marks: SourceMarks) -> Rules:
     """As `load_rules`, of data that is already loaded."""
     expect("file of rules", data, marks)
     return Rules(validate_data(data, marks, RulesFile).substitute, marks)

@@ -15,7 +15,7 @@ from mpvi_bt.executive.plan.schema import Phrase
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.executive.tree.spec import ParameterType
 from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName, UserError, shown, with_article
-from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, Marks, Record, plain_scalar, validate_data
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, Record, SourceMarks, plain_scalar, validate_data
 
 _TYPES: Mapping[str, type | tuple[type, ...]] = {"text": str, "number": (int, float), "integer": int, "boolean": bool}
 _WORDS = {
@@ -85,7 +85,7 @@ class TreeSource:
     """A tree file: its data, where everything in it stands, and the keys at its top."""
 
     data: Any
-    marks: Marks
+    marks: SourceMarks
     file: TreeFile
 
 
@@ -126,7 +126,7 @@ class TreeReading:
         return tuple(problem for problem in self.problems[since:] if id(problem) not in self.told)
 
 
-def head_of(data: Any, marks: Marks, reading: TreeReading) -> TreeFile:
+def head_of(data: Any, marks: SourceMarks, reading: TreeReading) -> TreeFile:
     """The keys at the top. Problems are noted, and then something that does as well for what comes next is given."""
     try:
         file = validate_data(data, marks, TreeFile)

@@ -36,7 +36,7 @@ from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.tree_file import TreeReading
 from mpvi_bt.executive.tree.writer import dump_tree, expanded
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, load_marked, parse_marked
+from mpvi_bt.ground.marked_yaml import SourceMarks, load_marked, parse_marked
 
 __all__ = ["check_tree", "dump_tree", "expanded", "from_expanded", "load_tree", "parse_tree"]
 
@@ -70,7 +70,7 @@ def parse_tree(
 
 def check_tree(
     data: Any,
-    marks: Marks,
+    marks: SourceMarks,
     skills: Mapping[str, Skill] | None = None,
     arguments: Mapping[str, Value] | None = None,
 ) -> TreeSpec:
@@ -81,4 +81,4 @@ def check_tree(
 
 def from_expanded(data: Any, name: str = "<data>") -> TreeSpec:
     """The tree of what `expanded` gave. `name` stands for it in problems. Raises FileProblems."""
-    return read(data, Marks(name), TreeReading(expanded=True), {})
+    return read(data, SourceMarks(name), TreeReading(expanded=True), {})

@@ -14,7 +14,7 @@ import numpy as np
 
 from mpvi_bt.executive.plan.knowledge import KnowledgeBase
 from mpvi_bt.finding.navigation.footprint import Footprint
-from mpvi_bt.finding.navigation.goals import Handoff
+from mpvi_bt.finding.navigation.goals import HandoffDistances
 from mpvi_bt.finding.navigation.headway import Headway
 from mpvi_bt.finding.navigation.loaded import loaded_path
 from mpvi_bt.finding.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance
@@ -72,7 +72,7 @@ class NavigationParameters:
     """How to drive. Our choice; the paper gives no figures."""
 
     narrow: bool = True  # if no way has room for free turns, fit the base alone and treat the arms as a load
-    handoff: Handoff = field(default_factory=Handoff)  # where to stand before a target
+    handoff: HandoffDistances = field(default_factory=HandoffDistances)  # where to stand before a target
     limits: Limits = field(default_factory=Limits)  # limits with empty hands
     carrying: Limits = CARRYING  # limits with something in a hand, or between both
     tolerance: Tolerance = field(default_factory=Tolerance)  # when the goal pose counts as reached

@@ -36,7 +36,7 @@ _RANK = Ranking()
 
 
 @dataclass(frozen=True)
-class Handoff:
+class HandoffDistances:
     """Where navigation hands over to manipulation. Distances are from the base's center to the target's box."""
 
     distance_m: float = 0.9  # handoff distance d_h [m]; our choice, the paper has none: the arms reach 0.85 m and more
@@ -84,7 +84,7 @@ def facing_yaw(entry: Entry, xy: Array) -> Array:
     return yaw
 
 
-def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff, slack_m: float = 0.0) -> bool:
+def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: HandoffDistances, slack_m: float = 0.0) -> bool:
     """Whether a base at `pose` (3,) is within the handoff distance of the target, faces it and nothing is between.
 
     `slack_m` is added to that distance, for a base that was sent as near as it gets.
@@ -97,7 +97,9 @@ def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff,
     return bool(_same_room(entry, xy[None], grid)[0] and _in_sight(entry, xy[None], grid)[0])
 
 
-def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Handoff, most: int = 20) -> list[Goal]:
+def object_goals(
+    entry: Entry, start: Array, grid: Traversability, handoff: HandoffDistances, most: int = 20
+) -> list[Goal]:
     """Poses from which the target can be manipulated, best first, a little apart so that they are alternatives.
 
     Each is free for the footprint, reachable from `start` (2,), in the target's room, within the handoff distance,

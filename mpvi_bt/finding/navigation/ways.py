@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry.solids import Array
 
 
 @dataclass(frozen=True)
-class Tries:
+class PathTries:
     """How many goals are tried if the path search is slow."""
 
     loaded: int = 2  # goals that are tried by a robot with a payload; our choice
@@ -28,7 +28,7 @@ class Tries:
     halted_m: float = 0.3  # if the base was driving to a place this close to it [m]; our choice
 
 
-_TRIES = Tries()
+_TRIES = PathTries()
 
 
 class GaveUp(Exception):

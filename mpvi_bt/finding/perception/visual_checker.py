@@ -87,7 +87,7 @@ class VisualChecker:
             return Judgement(False, f"not a criterion that it understands: {criterion[:80]!r}")
         if image is None or image.labels is None:
             return Judgement(False, "no labeled picture to look at")
-        picture = _Picture(image, self._phrases, self._eyesight, self._robot)
+        picture = _SeenPicture(image, self._phrases, self._eyesight, self._robot)
         subjects = picture.meant(asked.subject) if asked.relation == "at" else picture.visible(asked.subject)
         if not subjects:
             return Judgement(False, f"no {asked.subject} in the picture")
@@ -119,7 +119,7 @@ def _best(looks: list[Judgement]) -> Judgement:
     return next((look for look in looks if look.complete), looks[0] if looks else Judgement(False, "nothing else seen"))
 
 
-class _Picture:
+class _SeenPicture:
     """One picture, by what it shows."""
 
     def __init__(

@@ -200,7 +200,7 @@ class LearnedPolicy:
         stance: Array | None = None
         empty = tries = done = 0
         worked: Array | None = None  # where the hand closed on the payload, or let go of it
-        rest, begun = _Rest(), hand.now().base
+        rest, begun = _HandRest(), hand.now().base
         said = self.note
         while True:
             hand.feel(self._felt)
@@ -258,7 +258,7 @@ class LearnedPolicy:
             yield np.array([hand.command(*step) for step in steps])
 
 
-class _Rest:
+class _HandRest:
     """Notices that a hand does not move."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from pydantic import Field
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 from mpvi_bt.house.goals.formula import Literal, literals, signed
 from mpvi_bt.house.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem
@@ -81,7 +81,7 @@ def read_task(path: Path) -> Task:
     return check_task(*load_marked(path))
 
 
-def check_task(data: Any, marks: Marks) -> Task:
+def check_task(data: Any, marks: SourceMarks) -> Task:
     """As `load_task`, of data that is already loaded."""
     expect("task", data, marks)
     task = validate_data(data, marks, Task)
@@ -94,7 +94,7 @@ def check_task(data: Any, marks: Marks) -> Task:
     return task
 
 
-def _check_names(task: Task, marks: Marks) -> list[Problem]:
+def _check_names(task: Task, marks: SourceMarks) -> list[Problem]:
     """Names that the task takes from elsewhere."""
     known = {
         "problem": list(activities()),
@@ -113,7 +113,7 @@ def _check_names(task: Task, marks: Marks) -> list[Problem]:
     return problems
 
 
-def _check_bindings(task: Task, problem: BddlProblem, catalogue: Catalogue, marks: Marks) -> list[Problem]:
+def _check_bindings(task: Task, problem: BddlProblem, catalogue: Catalogue, marks: SourceMarks) -> list[Problem]:
     """Every movable object's synset, and nothing else, is bound, each to an entry of that synset."""
     wanted = {problem.objects[name] for name in problem.bound}
     problems = []
@@ -133,7 +133,7 @@ def _check_bindings(task: Task, problem: BddlProblem, catalogue: Catalogue, mark
     return problems
 
 
-def _check_playable(task: Task, problem: BddlProblem, marks: Marks) -> list[Problem]:
+def _check_playable(task: Task, problem: BddlProblem, marks: SourceMarks) -> list[Problem]:
     """The house has the rooms and fixtures that the problem names, starts can be sampled, the goal can be judged."""
     path = paths.find("tasks/houses", task.house)
     house = _house(path, path.stat().st_mtime_ns, load_catalogue())

@@ -13,7 +13,7 @@ from pydantic import Field
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
-from mpvi_bt.ground.marked_yaml import Coordinate, Location, Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Coordinate, Location, Record, SourceMarks, load_marked, validate_data
 from mpvi_bt.house.layout.overlap import penetration
 from mpvi_bt.house.layout.rooms import PANEL_M, Doorway, Rect, Room, Wall, shared_wall, walls
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue, shape_problems
@@ -126,7 +126,7 @@ def load_house(house: str | Path = "family_house", catalogue: Catalogue | None =
     return check_house(*load_marked(paths.find_or_file("tasks/houses", str(house), "house")), catalogue)
 
 
-def check_house(data: Any, marks: Marks, catalogue: Catalogue | None = None) -> House:
+def check_house(data: Any, marks: SourceMarks, catalogue: Catalogue | None = None) -> House:
     """As `load_house`, of data that is already loaded."""
     catalogue = catalogue or load_catalogue()
     file = validate_data(data, marks, HouseFile)
@@ -150,7 +150,7 @@ def _phrases(name: str, given: RoomFile) -> tuple[str, ...]:
     return tuple(dict.fromkeys((name.replace("_", " "), *given.phrases)))
 
 
-def _room_problems(rooms: Mapping[str, Room], marks: Marks) -> list[Problem]:
+def _room_problems(rooms: Mapping[str, Room], marks: SourceMarks) -> list[Problem]:
     problems = []
     for name, room in rooms.items():
         place: Location = ("rooms", name, "rect")
@@ -169,7 +169,7 @@ def _room_problems(rooms: Mapping[str, Room], marks: Marks) -> list[Problem]:
     return problems
 
 
-def _doorways(file: HouseFile, rooms: Mapping[str, Room], marks: Marks) -> tuple[list[Doorway], list[Problem]]:
+def _doorways(file: HouseFile, rooms: Mapping[str, Room], marks: SourceMarks) -> tuple[list[Doorway], list[Problem]]:
     doorways: list[Doorway] = []
     problems: list[Problem] = []
     for k, given in enumerate(file.doorways):
@@ -211,7 +211,7 @@ def _same_hole(a: Doorway, b: Doorway) -> bool:
     return a.wall == b.wall and abs(a.at[across] - b.at[across]) < 1e-6 and apart < -1e-6
 
 
-def _cut_off(rooms: Mapping[str, Room], doorways: Iterable[Doorway], marks: Marks) -> list[Problem]:
+def _cut_off(rooms: Mapping[str, Room], doorways: Iterable[Doorway], marks: SourceMarks) -> list[Problem]:
     """Rooms that no way leads to from the first one."""
     doors = [set(doorway.rooms) for doorway in doorways]
     first = next(iter(rooms))
@@ -226,7 +226,7 @@ def _cut_off(rooms: Mapping[str, Room], doorways: Iterable[Doorway], marks: Mark
 
 
 def _fixtures(
-    file: HouseFile, rooms: Mapping[str, Room], catalogue: Catalogue, marks: Marks
+    file: HouseFile, rooms: Mapping[str, Room], catalogue: Catalogue, marks: SourceMarks
 ) -> tuple[dict[str, Fixture], list[Problem]]:
     fixtures: dict[str, Fixture] = {}
     places: dict[str, Location] = {}
@@ -255,7 +255,7 @@ def _fixtures(
     return fixtures, problems
 
 
-def _outside(fixture: Fixture, room: Room, place: Location, marks: Marks) -> list[Problem]:
+def _outside(fixture: Fixture, room: Room, place: Location, marks: SourceMarks) -> list[Problem]:
     """The problem, if any, that a fixture sticks out of its room's walls."""
     x0, y0, x1, y1 = room.rect
     margin = PANEL_M - 1e-4

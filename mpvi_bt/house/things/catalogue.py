@@ -15,7 +15,7 @@ from pydantic import Field
 from mpvi_bt.executive.plan.knowledge import normalize
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName, UserError, with_article
-from mpvi_bt.ground.marked_yaml import Location, Marks, Record, Synset, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Location, Record, SourceMarks, Synset, load_marked, validate_data
 from mpvi_bt.house.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.house.rules.cutting import Cuttable
 from mpvi_bt.house.rules.heat import Source, Thermal
@@ -159,7 +159,7 @@ def _merged(files: tuple[tuple[Path, int], ...]) -> Catalogue:
     return Catalogue(entries)
 
 
-def check_catalogue(data: Any, marks: Marks) -> Catalogue:
+def check_catalogue(data: Any, marks: SourceMarks) -> Catalogue:
     """As `load_catalogue`, of data that is already loaded."""
     try:
         file = validate_data(data, marks, CatalogueFile)
@@ -190,7 +190,7 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     return Catalogue(entries)
 
 
-def _said_where(problem: Problem, data: Any, marks: Marks) -> Problem:
+def _said_where(problem: Problem, data: Any, marks: SourceMarks) -> Problem:
     """Of an entry's key that is a parameter of shapes, and so unknown where it stands: where it belongs."""
     if problem.code != "unknown-key" or problem.pointer.count("/") != 3:
         return problem
@@ -206,7 +206,7 @@ def _said_where(problem: Problem, data: Any, marks: Marks) -> Problem:
     return problem
 
 
-def _tool_problems(entry: CatalogueEntry, place: Location, marks: Marks) -> Iterator[Problem]:
+def _tool_problems(entry: CatalogueEntry, place: Location, marks: SourceMarks) -> Iterator[Problem]:
     """A sprayer that nobody can turn on, a mount that faces the way that it says is up."""
     for i, mount in enumerate(entry.mounts):
         if mount.facing.strip("-") == mount.up.strip("-"):
@@ -216,7 +216,7 @@ def _tool_problems(entry: CatalogueEntry, place: Location, marks: Marks) -> Iter
         yield marks.problem((*place, "sprays"), "impossible-sprayer", "it sprays while it is on, and has no switch")
 
 
-def _source_problems(entry: CatalogueEntry, source: Source, place: Location, marks: Marks) -> Iterator[Problem]:
+def _source_problems(entry: CatalogueEntry, source: Source, place: Location, marks: SourceMarks) -> Iterator[Problem]:
     """What a source asks for that its thing does not have."""
     bodies = entry.description.bodies
     wanted = {
@@ -231,13 +231,13 @@ def _source_problems(entry: CatalogueEntry, source: Source, place: Location, mar
             yield marks.problem(at, "impossible-source", f"{entry.family!r} has not {what} that its source asks for")
 
 
-def _placed(shape: Mapping[str, Any], marks: Marks) -> dict[str, Any]:
+def _placed(shape: Mapping[str, Any], marks: SourceMarks) -> dict[str, Any]:
     """The parameters, a file among them by its place, not by where it is from the catalogue's own file."""
     file = shape.get("file")
     return {**shape, "file": str(Path(marks.file).parent / file)} if isinstance(file, str) else dict(shape)
 
 
-def lint_catalogue(data: Any, marks: Marks) -> list[Problem]:
+def lint_catalogue(data: Any, marks: SourceMarks) -> list[Problem]:
     """Of a file without errors: synsets that BEHAVIOR does not have, and entries that another file has too."""
     known = behavior().synsets or ()
     found = [
@@ -248,7 +248,7 @@ def lint_catalogue(data: Any, marks: Marks) -> list[Problem]:
     return found + list(_namesakes(data["entries"], marks))
 
 
-def _namesakes(entries: Iterable[str], marks: Marks) -> Iterator[Problem]:
+def _namesakes(entries: Iterable[str], marks: SourceMarks) -> Iterator[Problem]:
     """Entries of a file of the catalogue that are in another one, too: that counts which comes first."""
     files, own = paths.files(FOLDER), Path(marks.file).resolve()
     at = next((i for i, file in enumerate(files) if file.resolve() == own), None)
@@ -272,7 +272,7 @@ def _namesakes(entries: Iterable[str], marks: Marks) -> Iterator[Problem]:
                     )
 
 
-def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[str, Any]) -> list[Problem]:
+def shape_problems(marks: SourceMarks, place: Location, family: str, shape: Mapping[str, Any]) -> list[Problem]:
     """What is wrong with the parameters of a family that stand at `place` of a file."""
     try:
         validate_data(dict(shape), marks, parameters(family), place)

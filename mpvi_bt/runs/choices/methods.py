@@ -10,7 +10,7 @@ from pydantic import Field
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import SourceMarks, load_marked, validate_data
 from mpvi_bt.runs.choices.backends import BACKENDS
 from mpvi_bt.runs.choices.config import METHOD
 from mpvi_bt.runs.choices.settings import settings_record, value_problems
@@ -47,7 +47,7 @@ def load_method(name: str) -> Mapping[str, Any]:
     return {"method": paths.title(path), **method.model_dump(exclude_unset=True, exclude={"about"})}
 
 
-def check_method(data: Any, marks: Marks) -> Method:
+def check_method(data: Any, marks: SourceMarks) -> Method:
     """A method from data that is already loaded. Raises FileProblems."""
     expect("method", data, marks)
     method = validate_data(data, marks, Method)

@@ -13,7 +13,7 @@ from mpvi_bt.runs.choices.backends import BACKENDS, choose
 from mpvi_bt.runs.choices.config import SETTINGS, EpisodeConfig
 
 if TYPE_CHECKING:
-    from mpvi_bt.ground.yaml_reader import Marks
+    from mpvi_bt.ground.yaml_reader import SourceMarks
 
 
 @cache
@@ -34,7 +34,7 @@ def check_value(name: str, value: Any) -> None:
         getattr(importlib.import_module(module), function)(value)
 
 
-def value_problems(values: Mapping[str, Any], marks: Marks) -> Iterator[Problem]:
+def value_problems(values: Mapping[str, Any], marks: SourceMarks) -> Iterator[Problem]:
     """What is wrong with values of the right types, of a file with those marks."""
     for name, value in values.items():
         try:

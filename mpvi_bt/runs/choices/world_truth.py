@@ -9,14 +9,14 @@ from mpvi_bt.executive.completion.criteria import Relation
 from mpvi_bt.executive.completion.oracle import OracleChecker
 from mpvi_bt.executive.ticking.loop import Watcher, World
 from mpvi_bt.executive.tree.build import Tree
-from mpvi_bt.finding.navigation.goals import Handoff, distance_to
+from mpvi_bt.finding.navigation.goals import HandoffDistances, distance_to
 from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.house.goals.predicates import BINARY, UNARY, resting_on
 
 if TYPE_CHECKING:
     from mpvi_bt.house.sim.world import World as SimulatedWorld
 
-_AT_M = Handoff().distance_m + Handoff().slack_m  # as far as a base stops that was sent to a thing
+_AT_M = HandoffDistances().distance_m + HandoffDistances().slack_m  # as far as a base stops that was sent to a thing
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {
     **{
         relation: (relation, False)

@@ -11,7 +11,7 @@ from mpvi_bt.executive.plan.pattern import pattern
 from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skills
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.ground.errors import Problem, UserError, nearest, shown
-from mpvi_bt.ground.marked_yaml import Marks
+from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.hands.policies.repertoire import REPERTOIRE
@@ -22,7 +22,7 @@ SCRIPTED = tuple(name for name, backend in BACKENDS["policy"].items() if not bac
 _SERVERS = tuple(name for name, backend in BACKENDS["policy"].items() if backend.address)
 
 
-def lint_skill(data: Any, marks: Marks) -> list[Problem]:
+def lint_skill(data: Any, marks: SourceMarks) -> list[Problem]:
     """The warning of a skill that none of our policies knows how to do, of a file without errors."""
     if (like := data.get("like")) is not None:
         return list(_unlike(data, like, marks))
@@ -36,7 +36,7 @@ def lint_skill(data: Any, marks: Marks) -> list[Problem]:
     return [marks.problem(("name",), "no-doer", message, severity="warning", **more)]
 
 
-def _unlike(data: Any, like: str, marks: Marks) -> Iterator[Problem]:
+def _unlike(data: Any, like: str, marks: SourceMarks) -> Iterator[Problem]:
     """What keeps a skill from being done as another one is: that has no motion, or no such words to fill in."""
     if like not in REPERTOIRE:
         yield marks.unknown(("like",), "skill", like, REPERTOIRE)

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from mpvi_bt.ground.errors import FileProblems
-from mpvi_bt.ground.marked_yaml import Marks, validate_data
+from mpvi_bt.ground.marked_yaml import SourceMarks, validate_data
 from mpvi_bt.runs.choices.config import EpisodeConfig, names
 from mpvi_bt.runs.choices.settings import hints, settings_record
 
@@ -27,7 +27,7 @@ def checked(given: Mapping[str, Any], where: str) -> dict[str, Any]:
     Raises:
         FileProblems: Settings that there are not, or values that they cannot have.
     """
-    marks = Marks(where, {(name,): (0, 0) for name in given})
+    marks = SourceMarks(where, {(name,): (0, 0) for name in given})
     try:
         found = validate_data(dict(given), marks, _record())
     except FileProblems as error:

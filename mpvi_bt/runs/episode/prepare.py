@@ -19,7 +19,7 @@ from mpvi_bt.executive.tree.substitute import Rules, load_rules
 from mpvi_bt.executive.tree.yaml_io import check_tree
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UserError
-from mpvi_bt.ground.marked_yaml import Marks, load_marked
+from mpvi_bt.ground.marked_yaml import SourceMarks, load_marked
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.writing import write_whole
@@ -196,7 +196,7 @@ def _tree(
     given: str | TreeSpec, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]
 ) -> TreeSpec:
     if isinstance(given, TreeSpec):
-        spec, marks = given, Marks(named(given))
+        spec, marks = given, SourceMarks(named(given))
         if arguments:
             raise UserError(f"the parameters of tree {spec.name!r} are filled in where it is loaded, not here.")
     else:
@@ -214,7 +214,7 @@ def _tree(
 
 def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], robot: RobotModel) -> Plan:
     if isinstance(given, Plan):
-        plan, marks = given, Marks(named(given))
+        plan, marks = given, SourceMarks(named(given))
     else:
         data, marks = load_marked(paths.find_or_file("tasks/plans", given))
         plan = check_plan(data, marks)

@@ -135,7 +135,7 @@ def evaluate(session: Evaluation, listener: EvaluationListener) -> list[Rollout]
     if session.chunk is not None and session.dialect == "behavior-2025":
         raise UserError("the evaluator of 2025 asks for one action at a time.")
     most = session.max_steps or int(_TIMES_HUMAN[session.dialect] * _human_steps(task))
-    server = _Server(session, listener)
+    server = _Connection(session, listener)
     try:
         if session.dialect == "behavior-2025":
             server.reset()
@@ -150,7 +150,7 @@ def _human_steps(task: Task) -> float:
 
 
 def _rollout(
-    session: Evaluation, task: Task, instance: int, most: int, server: _Server, listener: EvaluationListener
+    session: Evaluation, task: Task, instance: int, most: int, server: _Connection, listener: EvaluationListener
 ) -> Rollout:
     house, catalogue = load_house(task.house), load_catalogue()
     problem = expanded_problem(task, house)
@@ -253,7 +253,7 @@ class _Writer:
         return message
 
 
-class _Server:
+class _Connection:
     """The connection."""
 
     def __init__(self, session: Evaluation, listener: EvaluationListener) -> None:

@@ -15,7 +15,7 @@ from mpvi_bt.runs.episode.prepare import Prepared, check_episode, check_watched
 from mpvi_bt.runs.suite.manifest import Manifest, make_manifest
 from mpvi_bt.runs.suite.processes import WALL_LIMIT_S, ProcessEngine
 from mpvi_bt.runs.suite.runner import Engine, RunListener, SuiteOutcome, run_suite
-from mpvi_bt.runs.suite.schedule import Pace, budgets_s, in_rounds
+from mpvi_bt.runs.suite.schedule import EpisodeTimes, budgets_s, in_rounds
 from mpvi_bt.runs.suite.store import Store
 
 
@@ -78,7 +78,7 @@ def play(
     title: str,
     store: Store,
     episodes: Sequence[EpisodeConfig],
-    listen: Callable[[Pace], RunListener],
+    listen: Callable[[EpisodeTimes], RunListener],
     *,
     tasks: Sequence[str] = (),
     instances: Sequence[int] = (),
@@ -125,7 +125,9 @@ def play(
         for config in _part(episodes, tasks, instances)
     ]
     engine = _engine(where, manifest)
-    return run_suite(chosen, store, engine, listen(Pace(budget_s)), partial(in_rounds, budget_s=budget_s), manifest)
+    return run_suite(
+        chosen, store, engine, listen(EpisodeTimes(budget_s)), partial(in_rounds, budget_s=budget_s), manifest
+    )
 
 
 def _part(episodes: Sequence[EpisodeConfig], tasks: Sequence[str], instances: Sequence[int]) -> list[EpisodeConfig]:

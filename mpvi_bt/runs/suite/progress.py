@@ -14,7 +14,7 @@ from mpvi_bt.executive.drawing.terminal import draw
 from mpvi_bt.ground.errors import bounded
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.result import Result
-from mpvi_bt.runs.suite.schedule import Pace
+from mpvi_bt.runs.suite.schedule import EpisodeTimes
 from mpvi_bt.runs.suite.store import Fault
 
 
@@ -26,7 +26,7 @@ class SuiteProgress:
         pace: Says how much time is left.
     """
 
-    def __init__(self, stream: TextIO, pace: Pace) -> None:
+    def __init__(self, stream: TextIO, pace: EpisodeTimes) -> None:
         self.stream, self.live, self.pace = stream, stream.isatty(), pace
         self.q: list[float] = []
         self.waiting: dict[EpisodeConfig, None] = {}

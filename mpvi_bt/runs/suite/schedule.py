@@ -40,7 +40,7 @@ def in_rounds(episodes: Sequence[EpisodeConfig], budget_s: Mapping[str, float]) 
     return [config for *_, config in sorted(keyed, key=itemgetter(0, 1))]
 
 
-class Pace:
+class EpisodeTimes:
     """What episodes take of wall time, told by those that ran; nothing is known before one has.
 
     Args:

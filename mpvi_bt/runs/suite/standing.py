@@ -9,7 +9,7 @@ from typing import Any
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.suite.at_work import read
-from mpvi_bt.runs.suite.schedule import Pace, budgets_s, in_rounds
+from mpvi_bt.runs.suite.schedule import EpisodeTimes, budgets_s, in_rounds
 from mpvi_bt.runs.suite.store import Store
 
 
@@ -18,7 +18,7 @@ def under_way(
 ) -> tuple[list[dict[str, Any]], tuple[float, float] | None]:
     """What each worker of the run is at, and the wall time [s] that is left of all, from and to, if that is known."""
     budget_s = budgets_s(episodes)
-    pace = Pace(budget_s)
+    pace = EpisodeTimes(budget_s)
     for config, result in results.items():
         if isinstance(wall := result.wall.get("total_s"), int | float):
             pace.learn(config, wall)

@@ -9,7 +9,7 @@ from pydantic import Field
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.ground.file_kinds import expect
-from mpvi_bt.ground.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 from mpvi_bt.house.instances.tasks import Name, load_task
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.methods import load_method
@@ -64,7 +64,7 @@ def load_suite(name: str) -> Suite:
     return check_suite(*load_marked(paths.find_or_file(FOLDER, name, "suite")))
 
 
-def check_suite(data: Any, marks: Marks) -> Suite:
+def check_suite(data: Any, marks: SourceMarks) -> Suite:
     """As `load_suite`, of data that is already loaded."""
     expect("suite", data, marks)
     suite = validate_data(data, marks, Suite)
