@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from tests import warm
 from tests.chat_servers import real_chat_server, scripted_chat_server
 from tests.suite_runs import log
 
@@ -33,22 +33,16 @@ Shell = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture
 def mpvi(tmp_path: Path) -> Shell:
-    """Run `mpvi ARGS...` in a process of its own, in an empty folder or `cwd`, as a user would."""
+    """Run `mpvi ARGS...` in a process of its own, in an empty folder or `cwd`, as a user would.
+
+    The process is a fork of one that has imported the package, unless variables are given that are read on import.
+    """
 
     def run(
         *args: str, timeout: float = 60, stdin: str = "", cwd: Path = tmp_path, **env: str
     ) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", *args]
-        environment = {**os.environ, "COLUMNS": "80", **env}
-        return subprocess.run(
-            command,
-            cwd=cwd,
-            env=environment,
-            input=stdin,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-        )
+        own = any(name.startswith(("PYTHON", "NUMBA")) for name in env)
+        start = warm.run_anew if own else warm.run
+        return start(*args, cwd=cwd, env={**os.environ, "COLUMNS": "80", **env}, stdin=stdin, timeout=timeout)
 
     return run

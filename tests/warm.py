@@ -1,0 +1,123 @@
+"""Commands in forks of a process that has imported the package: true processes, without the time of a start."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import gc
+import importlib
+import json
+import os
+import pkgutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import traceback
+from functools import cache
+from pathlib import Path
+from typing import NoReturn
+
+START = "import sys; from tests.warm import serve; serve(int(sys.argv[1]))"
+ROOT = Path(__file__).parent.parent
+UNLOADED = ("mpvi_bt.house.maniskill", "mpvi_bt.apps.cli.__main__")  # the first loads torch: seconds, for few commands
+
+
+@cache
+def _parent() -> socket.socket:
+    """The connection to the process that forks; it ends with this one."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        subprocess.Popen([sys.executable, "-c", START, str(theirs.fileno())], cwd=ROOT, pass_fds=[theirs.fileno()])
+    return ours
+
+
+def run(
+    *words: str, cwd: Path, env: dict[str, str], stdin: str = "", timeout: float = 60
+) -> subprocess.CompletedProcess[str]:
+    """Run `mpvi WORDS...` in a fork; as `subprocess.run` with its output captured."""
+    parent = _parent()
+    with contextlib.ExitStack() as stack:
+        files = [stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", newline="")) for _ in range(3)]
+        files[0].write(stdin)
+        files[0].seek(0)
+        asked = json.dumps({"words": words, "cwd": str(cwd), "env": env}).encode()
+        socket.send_fds(parent, [asked], [file.fileno() for file in files])
+        parent.settimeout(timeout)
+        pid = int(parent.recv(64))
+        try:
+            status = int(parent.recv(64))
+        except TimeoutError:
+            os.kill(pid, signal.SIGKILL)
+            parent.settimeout(None)
+            parent.recv(64)
+            raise subprocess.TimeoutExpired(words, timeout) from None
+        for file in files:
+            file.seek(0)
+        out, err = (file.read().replace("\r\n", "\n") for file in files[1:])
+        return subprocess.CompletedProcess(words, status, out, err)
+
+
+def run_anew(
+    *words: str, cwd: Path, env: dict[str, str], stdin: str = "", timeout: float = 60
+) -> subprocess.CompletedProcess[str]:
+    """The same with a new interpreter."""
+    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", *words]
+    return subprocess.run(
+        command, cwd=cwd, env=env, input=stdin, capture_output=True, text=True, timeout=timeout, check=False
+    )
+
+
+def serve(descriptor: int) -> None:
+    """Fork for each request until the other end closes."""
+    import mpvi_bt
+
+    for module in pkgutil.walk_packages(mpvi_bt.__path__, "mpvi_bt."):
+        if not module.name.startswith(UNLOADED):
+            importlib.import_module(module.name)
+    gc.freeze()  # the forks share what is there already
+    with socket.socket(fileno=descriptor) as asked:
+        while True:
+            request, files, _, _ = socket.recv_fds(asked, 1 << 20, 3)
+            if not request:
+                return
+            pid = os.fork()
+            if pid == 0:
+                asked.close()
+                _become(files, **json.loads(request))
+            for file in files:
+                os.close(file)
+            asked.send(str(pid).encode())
+            asked.send(str(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])).encode())
+
+
+def _become(files: list[int], words: list[str], cwd: str, env: dict[str, str]) -> NoReturn:
+    """Run a command with these standard streams and end with its code."""
+    code: object = 1
+    try:
+        _run(files, words, cwd, env)
+    except SystemExit as end:
+        code = end.code
+    except BaseException:
+        traceback.print_exc()
+    finally:  # not the end of Python itself: that visits each object of all modules, some 0.4 s
+        atexit._run_exitfuncs()
+        sys.stdout.flush()
+        os._exit(code if isinstance(code, int) else 0)
+
+
+def _run(files: list[int], words: list[str], cwd: str, env: dict[str, str]) -> None:
+    from mpvi_bt.apps.cli import main
+
+    for descriptor, file in enumerate(files):
+        os.dup2(file, descriptor)
+        os.close(file)
+    sys.stdin, sys.stdout, sys.stderr = (
+        os.fdopen(descriptor, mode, encoding="utf-8", closefd=False) for descriptor, mode in enumerate(("r", "w", "w"))
+    )
+    os.environ.clear()
+    os.environ.update(env)
+    os.chdir(cwd)
+    sys.argv = ["-c", *words]
+    main()
