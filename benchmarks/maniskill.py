@@ -25,7 +25,7 @@ from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.maniskill.env import MpviHouseEnv
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 
 TASK, INSTANCE = "picking_up_trash", 0
@@ -58,7 +58,7 @@ def main() -> None:
         table({"core": look, "ManiSkill, rgbd": environment("rgbd", "none").step}, given.rounds, given.cameras)
 
 
-def core(render: bool) -> World:
+def core(render: bool) -> SimWorld:
     """The start in the core."""
     task = load_task(TASK)
     house = load_house(task.house)

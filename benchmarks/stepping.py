@@ -28,7 +28,7 @@ from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import prior_map
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
@@ -51,7 +51,7 @@ def main() -> None:
     can, T = catalogue["can_of_soda"], np.eye(4)
     T[:3, 3] = (12.0, 4.2, 0.001)
     house = load_house()
-    world = World(house, {"can": Placement(can, T)}, np.array([9.5, 3.5, 0.0]), render=False)
+    world = SimWorld(house, {"can": Placement(can, T)}, np.array([9.5, 3.5, 0.0]), render=False)
     world.settle()
     against_bare(world)
     driving(world, prior_map(house))
@@ -63,7 +63,7 @@ def main() -> None:
             ruled(name, on, turning_rad_s)
 
 
-def against_bare(world: World) -> None:
+def against_bare(world: SimWorld) -> None:
     """The rate of both loops and their ratio."""
     scene = world._scene  # the bare side of the comparison
     action = world.robot.action
@@ -80,12 +80,12 @@ def against_bare(world: World) -> None:
             scene.step()
         bare.append(STEPS / (time.perf_counter() - started))
     ratios = [a / b for a, b in zip(ours, bare, strict=True)]
-    print(f"driving through World.step   {statistics.median(ours):7.0f} control steps/s")
+    print(f"driving through SimWorld.step   {statistics.median(ours):7.0f} control steps/s")
     print(f"bare scene.step(), driving   {statistics.median(bare):7.0f} control steps/s")
     print(f"ratio, median of {ROUNDS} rounds    {statistics.median(ratios):7.2f}")
 
 
-def driving(world: World, grid_map: OccupancyMap) -> None:
+def driving(world: SimWorld, grid_map: OccupancyMap) -> None:
     """What driving from room to room adds to the cost of stepping."""
     navigator = KnownPlaceNavigator(world.robot, grid_map, world.knowledge)
     shares, plans = [], []

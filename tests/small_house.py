@@ -12,7 +12,7 @@ from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import House
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.testing.scene_builder import one_room
 
@@ -38,12 +38,12 @@ def small_world(
     render: bool = False,
     robot: RobotModel = R1,
     **fixtures: str,
-) -> World:
+) -> SimWorld:
     """A world in a small house, nothing settled yet."""
-    return World(small_house(**fixtures), objects or {}, np.array(base), render=render, robot=robot)
+    return SimWorld(small_house(**fixtures), objects or {}, np.array(base), render=render, robot=robot)
 
 
-def run(world: World, action: Array, seconds: float) -> None:
+def run(world: SimWorld, action: Array, seconds: float) -> None:
     """Step a world with one action."""
     for _ in range(round(seconds * 30)):
         world.step(action)

@@ -9,14 +9,14 @@ from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.protocol import ActionLayout
 from mpvi_bt.hands.robots import r1
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import placed, run, small_house
 
 
-def gripping(assisted: bool) -> tuple[World, Array]:
+def gripping(assisted: bool) -> tuple[SimWorld, Array]:
     """A right hand that has closed on a can in midair; the world, and the action that keeps it closed."""
     objects = {"can": placed("can_of_soda", 2.0, 2.0)}
-    world = World(small_house(), objects, np.zeros(3), render=False, assisted=assisted)
+    world = SimWorld(small_house(), objects, np.zeros(3), render=False, assisted=assisted)
     world.robot.stand({"right": r1.mirrored(np.array([0.45, 0.15, 0.0, -2.0, 0.0, 0.0, 0.0]), "right")})
     action = world.robot.action
     run(world, action, 0.5)
@@ -29,7 +29,7 @@ def gripping(assisted: bool) -> tuple[World, Array]:
     return world, action
 
 
-def shake(world: World, action: Array) -> None:
+def shake(world: SimWorld, action: Array) -> None:
     """Spin the base to and fro."""
     for _ in range(3):
         for rate in (1.5, -1.5):
@@ -39,13 +39,13 @@ def shake(world: World, action: Array) -> None:
     run(world, action, 0.3)
 
 
-def slip(world: World, before: Array) -> float:
+def slip(world: SimWorld, before: Array) -> float:
     """How far the can has moved in the hand [m]."""
     now = np.linalg.inv(world.robot.hand_pose_world("right")) @ world.pose("can")
     return float(np.linalg.norm(now[:3, 3] - before[:3, 3]))
 
 
-def in_hand(world: World) -> Array:
+def in_hand(world: SimWorld) -> Array:
     return np.asarray(np.linalg.inv(world.robot.hand_pose_world("right")) @ world.pose("can"))
 
 
@@ -100,7 +100,7 @@ def test_a_world_that_is_restored_holds_what_it_held() -> None:
 def test_an_open_hand_attaches_nothing() -> None:
     """What an open hand only brushes against stays loose."""
     objects = {"can": placed("can_of_soda", 2.0, 2.0)}
-    world = World(small_house(), objects, np.zeros(3), render=False, assisted=True)
+    world = SimWorld(small_house(), objects, np.zeros(3), render=False, assisted=True)
     T = world.robot.hand_pose_world("right")
     world.place("can", pose(T[:3, 3] - [0, 0, 0.06]))
     run(world, world.robot.action, 2.0)
@@ -109,7 +109,7 @@ def test_an_open_hand_attaches_nothing() -> None:
 
 def test_only_what_moves_can_be_placed() -> None:
     """An unknown thing, a fixture's missing door: the names that would do are told."""
-    world = World(small_house(box_1="{entry: base_cabinet, at: [1.5, 0]}"), {}, np.zeros(3), render=False)
+    world = SimWorld(small_house(box_1="{entry: base_cabinet, at: [1.5, 0]}"), {}, np.zeros(3), render=False)
     with pytest.raises(UnknownName, match="movable thing"):
         world.place("box_1", np.eye(4))
     with pytest.raises(UnknownName, match="thing 'chest'"):

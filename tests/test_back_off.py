@@ -16,7 +16,7 @@ from mpvi_bt.hands.motion.carry import back_off, settle, step_back
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.looking import look_from_elsewhere
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
 
@@ -81,13 +81,13 @@ class Unseeing(TrueScene):
         return NOTHING
 
 
-def before_a_wall(yaw: float) -> tuple[World, Work]:
+def before_a_wall(yaw: float) -> tuple[SimWorld, Work]:
     """The robot 9 cm off the wall at x = -3, which it has not seen."""
     world = small_world(base=(-2.64, 0.0, yaw))
     return world, Work(Unseeing(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
 
-def played(world: World, work: Work, actions: Actions) -> Array:
+def played(world: SimWorld, work: Work, actions: Actions) -> Array:
     """Where the base is (3,) after these actions."""
     for action in actions:
         world.step(action)

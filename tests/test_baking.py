@@ -8,7 +8,7 @@ import pytest
 from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.sim.future import future
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, run, small_house
 
 OVEN = "{entry: oven, at: [1.5, 0.0], yaw_deg: 180}"
@@ -20,7 +20,7 @@ TOPPINGS = {
 }
 
 
-def an_oven_with(*without: str) -> World:
+def an_oven_with(*without: str) -> SimWorld:
     """A world with a sheet, dough and toppings on the shelf of an oven, but for some of them."""
     shelf_m = float(CATALOGUE["oven"].shape["shelves_z_m"][0]) + 0.012
     things = {
@@ -34,7 +34,7 @@ def an_oven_with(*without: str) -> World:
         if name not in without
     }
     later = future(CATALOGUE, {name: placement.entry for name, placement in objects.items()})
-    return World(small_house(oven_1=OVEN), objects, np.array([-1.5, 0.0, 0.0]), render=False, future=later)
+    return SimWorld(small_house(oven_1=OVEN), objects, np.array([-1.5, 0.0, 0.0]), render=False, future=later)
 
 
 @pytest.mark.parametrize("without", [None, *TOPPINGS])

@@ -11,7 +11,7 @@ from mpvi_bt.executive.remote.dialect_settings import load_settings
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.hands.robots.r1pro import R1PRO
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.remote_servers import PolicyServer
 from tests.small_house import placed, small_world
 
@@ -22,7 +22,7 @@ STEPS, CALLS = 15, 4  # actions of a chunk, and chunks: two seconds
 
 
 @pytest.fixture(scope="module")
-def house() -> World:
+def house() -> SimWorld:
     """A table with a can before an r1pro that stands as an episode begins."""
     things = {"can_1": placed("can_of_soda", 1.6, 0.1, 0.9)}
     world = small_world(things, render=True, robot=R1PRO, table="{entry: breakfast_table, at: [1.6, 0.0]}")
@@ -32,7 +32,7 @@ def house() -> World:
 
 @pytest.mark.render
 @pytest.mark.parametrize("name", ["openpi_comet", "behavior_2025", "behavior_2026"])
-def test_a_server_that_holds_still_leaves_the_robot_in_its_posture(name: str, house: World) -> None:
+def test_a_server_that_holds_still_leaves_the_robot_in_its_posture(name: str, house: SimWorld) -> None:
     """After two seconds of BEHAVIOR's rest posture the r1pro stands in it, and its head sees what it saw before."""
     settings = load_settings(name)
 
@@ -59,7 +59,7 @@ def test_a_server_that_holds_still_leaves_the_robot_in_its_posture(name: str, ho
 
 
 @pytest.mark.render
-def test_velocities_of_trunk_and_hands_are_felt(house: World) -> None:
+def test_velocities_of_trunk_and_hands_are_felt(house: SimWorld) -> None:
     """They are how far joints and fingers go in a step, by its time, while a trunk rises and hands close."""
     for step in range(8):
         before, rising = house.robot.proprioception(), REST.astype(float)

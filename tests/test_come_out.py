@@ -8,12 +8,12 @@ import pytest
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from tests.small_house import placed, small_world
 
 
-def told(world: World, expert: ExpertPolicy, prompt: str) -> Proprioception:
+def told(world: SimWorld, expert: ExpertPolicy, prompt: str) -> Proprioception:
     """What is felt after one step with a prompt."""
     felt = world.robot.proprioception()
     world.step(expert.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0])

@@ -10,20 +10,20 @@ import pytest
 from mpvi_bt.ground.geometry.solids import bounds
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.sim.future import future
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, placed, run, small_house, small_world
 
 STILL = np.zeros(ACTION_SIZE)
 HALVES = ["half__log.n.01_1", "half__log.n.01_2"]
 
 
-def world_of(objects: dict[str, Placement]) -> World:
+def world_of(objects: dict[str, Placement]) -> SimWorld:
     """A world in which all may come to be that the catalogue has of its objects."""
     later = future(CATALOGUE, {name: placement.entry for name, placement in objects.items()})
-    return World(small_house(), objects, np.array([-1.5, 0.0, 0.0]), render=False, future=later)
+    return SimWorld(small_house(), objects, np.array([-1.5, 0.0, 0.0]), render=False, future=later)
 
 
-def an_ax_over_a_log(height_m: float = 0.079) -> World:
+def an_ax_over_a_log(height_m: float = 0.079) -> SimWorld:
     """Its blade falls onto the middle of the log."""
     return world_of({"ax": placed("ax", 0.9, 0.0, height_m), "log.n.01_1": placed("log", 1.09, 0.0)})
 
@@ -111,7 +111,7 @@ def test_grains_in_a_hot_vessel_are_cooked(entry: str, cooked: str | None) -> No
     pan, inner = placed("frying_pan", 1.5, 0.0, 0.45), placed(entry, 1.5, 0.0, 0.47)
     objects = {"pan": pan, "popcorn.n.02_1": inner, "popcorn.n.02_2": placed(entry, 0.5, 0.5)}
     later = future(CATALOGUE, {name: placement.entry for name, placement in objects.items()})
-    world = World(small_house(stove_1=stove), objects, np.array([-1.5, 0.0, 0.0]), render=False, future=later)
+    world = SimWorld(small_house(stove_1=stove), objects, np.array([-1.5, 0.0, 0.0]), render=False, future=later)
     run(world, STILL, 0.5)
     assert world.objects == list(objects)
     world.turn("stove_1", True)

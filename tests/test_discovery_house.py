@@ -20,7 +20,7 @@ from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import knowledge, prior_map
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_discovery import Clock, Pose, body, disturbed
@@ -98,7 +98,7 @@ class Drive:
     vocabulary: dict[str, tuple[str, ...]]
 
 
-def drive(world: World) -> Drive:
+def drive(world: SimWorld) -> Drive:
     """Look at the house as it is now."""
     pictures, visible = [], set()
     for at in tour():
@@ -117,7 +117,7 @@ def drive(world: World) -> Drive:
 def drives() -> tuple[Drive, Drive]:
     """Before and after a third of the things was moved."""
     rng = np.random.default_rng(0)
-    world = World(HOUSE, strewn(rng), np.array([-3.0, 3.0, 0.0]), render=True)
+    world = SimWorld(HOUSE, strewn(rng), np.array([-3.0, 3.0, 0.0]), render=True)
     world.settle()
     before = drive(world)
     for name, placement in list(strewn(rng).items())[::3]:

@@ -9,7 +9,7 @@ from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills.draw_out import draw_out, options
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 
@@ -17,14 +17,14 @@ WALL_X = 2.95
 TABLE = "{entry: table, at: [2.69, 0.0], yaw_deg: 180, shape: {size_m: [0.5, 1.0, 0.7]}}"
 
 
-def box_at(x: float) -> World:
+def box_at(x: float) -> SimWorld:
     """A box on a table at the wall, its back along the wall, and a robot before it."""
     world = small_world({"box": placed("box_of_oatmeal", x, 0.0, 0.701)}, (1.9, 0.0, 0.0), table_1=TABLE)
     world.settle()
     return world
 
 
-def work(world: World) -> Work:
+def work(world: SimWorld) -> Work:
     return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
 

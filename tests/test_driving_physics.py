@@ -22,7 +22,7 @@ from mpvi_bt.ground.robot.stow import ArmStow
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import House, check_house
 from mpvi_bt.house.layout.prior_map import prior_map
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import LARGE
@@ -43,10 +43,10 @@ def two_halls(door_m: float) -> House:
     return check_house(*parse_marked(json.dumps(house), "halls.yaml"), load_catalogue())
 
 
-def with_full_hands(house: House, name: str) -> World:
+def with_full_hands(house: House, name: str) -> SimWorld:
     """A world in which the robot has lifted a large thing with both hands."""
     box = Placement(LARGE[name], pose((-2.2, 0.3, 0.001), 0.3))
-    world = World(house, {"box": box}, np.array([-3.2, 0.3, 0.0]), render=False)
+    world = SimWorld(house, {"box": box}, np.array([-3.2, 0.3, 0.0]), render=False)
     world.settle()
     played = play(world, f"lift the {LARGE[name].phrases[0]} with both hands", limit_s=90.0)
     assert played.note == "done"
@@ -54,7 +54,7 @@ def with_full_hands(house: House, name: str) -> World:
     return world
 
 
-def drive(world: World, driver: Driver, goal: Array, most_s: float = 60.0) -> str:
+def drive(world: SimWorld, driver: Driver, goal: Array, most_s: float = 60.0) -> str:
     """Drive to a pose; the reason of failure, or ""."""
     steps = driver.to(lambda grid, start: [Goal(goal, 0.0)], "driving")
     for _ in range(round(most_s * CONTROL_HZ)):
@@ -92,7 +92,7 @@ def test_a_doorway_of_90_cm_with_something_in_each_hand() -> None:
     """The same with a carton of milk in one hand and a can of soda in the other, which friction alone holds."""
     house, catalogue = two_halls(0.9), load_catalogue()
     things = {name: Placement(catalogue[name], pose((-3.0, 1.0 + k, 0.0), 0.0)) for k, name in enumerate(HELD.values())}
-    world, grid_map = World(house, things, np.array([-2.0, -1.0, 0.5]), render=False), prior_map(house)
+    world, grid_map = SimWorld(house, things, np.array([-2.0, -1.0, 0.5]), render=False), prior_map(house)
     put_in_hands(world, HELD)
     driver = Driver(world.robot, lambda: grid_map, world.knowledge, ArmStow(world.robot))
     bumps, rng = world.measure_bumps(list(HELD.values())), np.random.default_rng(1)
@@ -109,7 +109,7 @@ def test_what_only_depth_shows_is_driven_around() -> None:
     house = two_halls(1.2)
     boxes = {"near": Placement(LARGE["moving_box"], pose((-0.9, 0.1, 0.001), 0.3))}
     boxes["behind"] = Placement(LARGE["storage_tub"], pose((0.75, 0.55, 0.001), 0.7))
-    world = World(house, boxes, np.array([-1.5, 1.4, -1.57]), render=True)
+    world = SimWorld(house, boxes, np.array([-1.5, 1.4, -1.57]), render=True)
     world.settle()
     before = {name: world.pose(name) for name in boxes}
     occupancy, plans = Occupancy.prior(prior_map(house)), 0
@@ -137,7 +137,7 @@ def test_what_only_depth_shows_is_driven_around() -> None:
         np.testing.assert_allclose(world.pose(name), before[name], atol=2e-3)
 
 
-def free_goal(world: World, driver: Driver, rng: np.random.Generator, east: bool) -> Array:
+def free_goal(world: SimWorld, driver: Driver, rng: np.random.Generator, east: bool) -> Array:
     """A pose in one of the halls where base and load are free."""
     footprint = Footprint.of(R1.base.folded_m, world.robot.proprioception(), world.knowledge())
     grid = driver.grid()

@@ -15,7 +15,7 @@ from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.scripted_policy import Performance
 from mpvi_bt.house.goals.predicates import inside, nextto, ontop, under
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.testing import check_policy
 from tests.small_house import placed, small_world
@@ -34,7 +34,7 @@ class Played:
     actions: list[Array] = field(default_factory=list)
 
 
-def play(world: World, prompt: str, until: str | None = "done", limit_s: float = 60.0, seed: int = 0) -> Played:
+def play(world: SimWorld, prompt: str, until: str | None = "done", limit_s: float = 60.0, seed: int = 0) -> Played:
     """Have the expert follow a prompt until its note is `until`, or for `limit_s`."""
     expert = ExpertPolicy(world, SKILLS, seed)
     played = Played("", 0.0)
@@ -51,7 +51,7 @@ def play(world: World, prompt: str, until: str | None = "done", limit_s: float =
     return played
 
 
-def calm(world: World) -> World:
+def calm(world: SimWorld) -> SimWorld:
     world.settle()
     return world
 
@@ -213,7 +213,7 @@ def test_what_was_held_aside_is_brought_back_after_a_failure() -> None:
     assert np.hypot(*back[:2, 3]) < np.hypot(*aside[:2, 3]) - 0.1
 
 
-def opened(world: World, fixture: str) -> World:
+def opened(world: SimWorld, fixture: str) -> SimWorld:
     """The world with a fixture's door wide open."""
     world.set_opening(fixture, "door", 0.9)
     return calm(world)

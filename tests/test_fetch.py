@@ -27,7 +27,7 @@ from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.robots.fetch import FETCH
 from mpvi_bt.hands.robots.fetch_urdf import fetch_urdf
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode import episode
 from mpvi_bt.runs.episode.prepare import prepare_episode
@@ -43,7 +43,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> SimWorld:
     """A Fetch in an empty room."""
     return small_world(robot=FETCH)
 
@@ -96,12 +96,12 @@ def test_the_travel_posture_is_compact_and_clear_of_the_robot_itself() -> None:
     assert (np.hypot(*centers.T[:2]) + hull.radii).max() < 0.33
 
 
-def test_it_keeps_the_robots_contract(world: World) -> None:
+def test_it_keeps_the_robots_contract(world: SimWorld) -> None:
     """It passes the check that every robot passes."""
     check_robot(world.robot, world.step)
 
 
-def test_kinematics_agree_with_the_simulator(world: World) -> None:
+def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     """Hand and cameras are where forward kinematics of what is felt puts them, to half a millimeter."""
     action = world.robot.action
     action[ActionLayout.TORSO] = 0.3, 0.0, 0.0, 0.4
@@ -123,7 +123,7 @@ def test_kinematics_agree_with_the_simulator(world: World) -> None:
     np.testing.assert_allclose(felt.arm["right"], action[ActionLayout.ARM["right"]], atol=0.01)
 
 
-def test_it_drives_to_poses_without_going_sideways(world: World) -> None:
+def test_it_drives_to_poses_without_going_sideways(world: SimWorld) -> None:
     """Also to one beside it: it turns, goes and turns; what is commanded sideways is 0, and so is what it has not."""
     motion = Motion(world.robot.proprioception())
     for goal in (np.array([0.4, 0.3, 1.0]), np.array([0.4, 0.1, 1.0]), np.zeros(3)):

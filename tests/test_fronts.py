@@ -8,7 +8,7 @@ import pytest
 from mpvi_bt.finding.shapes.fronts import fronts
 from mpvi_bt.finding.shapes.moving_parts import Door, moved
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import small_world
 
 EYE, OUTDOORS = np.array([-0.1, 0.25, 1.3]), np.array([-1.7, 0.25, 1.3])
@@ -22,7 +22,7 @@ FIXTURES = {
 }
 
 
-def seen(world: World, noise_m: float = 0.0, eye: Array = EYE) -> Array:
+def seen(world: SimWorld, noise_m: float = 0.0, eye: Array = EYE) -> Array:
     """(n, 3) points of a thing where rays from the eye first meet its solids, with noise along the rays."""
     solids = world.solids("thing")
     corners = np.stack([s.aabb() for s in solids])

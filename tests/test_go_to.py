@@ -16,7 +16,7 @@ from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
 from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.testing import KinematicRobot, check_policy
 from tests.serving import observation
@@ -27,7 +27,7 @@ VOCABULARY = {"can": ("can of soda",), "bin": ("trash can",), "table_1": ("table
 SCREEN = "{entry: bookcase, at: [1.2, 0.0]}"
 
 
-def play(world: World, policy: ScriptedPolicy | DemonstratedPolicy, prompt: str, limit_s: float) -> Array:
+def play(world: SimWorld, policy: ScriptedPolicy | DemonstratedPolicy, prompt: str, limit_s: float) -> Array:
     """Have a policy follow a prompt until it thinks that it is done; where the base then is, (3,)."""
     for _ in range(round(limit_s * CONTROL_HZ)):
         images = {camera: world.robot.look(camera) for camera in policy.cameras}
@@ -43,7 +43,7 @@ def reactive() -> ReactivePolicy:
     return ReactivePolicy(SKILLS, vocabulary=VOCABULARY)
 
 
-def off(world: World, name: str, base: Array) -> float:
+def off(world: SimWorld, name: str, base: Array) -> float:
     """How far the base is from a thing [m]."""
     return float(np.linalg.norm(world.pose(name)[:2, 3] - base[:2]))
 

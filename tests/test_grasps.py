@@ -17,7 +17,7 @@ from mpvi_bt.ground.robot.collision import Surroundings
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.stance.grasps import Grasp, grasps
 from mpvi_bt.house.sim.builder import Thing
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 
@@ -30,7 +30,7 @@ def put(name: str, yaw: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0))
     thing(WORLD, name).place(pose(at, yaw))
 
 
-def thing(world: World, name: str) -> Thing:
+def thing(world: SimWorld, name: str) -> Thing:
     return world._things[name]
 
 

@@ -8,7 +8,7 @@ import pytest
 from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.grip import GripWatch
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, ActionLayout
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import placed, small_world
 
 SOON_S = 0.5
@@ -16,7 +16,7 @@ CLOSE_S = 0.6  # at the pace of our skills
 FAR = pose((2.0, 2.0, 0.001))
 
 
-def close(world: World, watch: GripWatch, seconds: float) -> list[tuple[float, str]]:
+def close(world: SimWorld, watch: GripWatch, seconds: float) -> list[tuple[float, str]]:
     """Close the right hand evenly and hold; when [s] after that began what was noticed, and when it was first shut."""
     found: list[tuple[float, str]] = []
     action, shut = world.robot.action, False

@@ -11,7 +11,7 @@ from mpvi_bt.finding.shapes.in_part import in_part
 from mpvi_bt.finding.shapes.shape import Shape
 from mpvi_bt.ground.geometry.solids import box
 from mpvi_bt.ground.robot.protocol import ActionLayout
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import run, small_world
 
 pytestmark = pytest.mark.render
@@ -20,7 +20,7 @@ HUNG = "{entry: wall_cabinet, at: [1.3, 0.0], yaw_deg: 180, z_m: 1.35}"
 OVER, UP = 0.55, 0.0  # tilts of the head: its lower edge in the picture, and all of it [rad]
 
 
-def look(world: World, seen: Seen, tilt: float) -> None:
+def look(world: SimWorld, seen: Seen, tilt: float) -> None:
     action = world.robot.action
     action[ActionLayout.TORSO] = [0.55, 0.0, 0.0, tilt]
     run(world, action, 1.5)

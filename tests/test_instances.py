@@ -31,7 +31,7 @@ from mpvi_bt.house.layout.boards import MovableForm
 from mpvi_bt.house.layout.ground import standing_room
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import prior_map
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.prepare import check_episode
@@ -50,7 +50,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "mpvi_bt" / "starts"
 
 
-def poses(world: World) -> Array:
+def poses(world: SimWorld) -> Array:
     """Where everything that can move is, robot included."""
     return np.concatenate([*(world.pose(name).ravel() for name in world.objects), world.robot.save()["q"]])
 
@@ -215,7 +215,7 @@ def test_a_kept_hidden_start_does_not_tell_its_secret(own_cache: Path, monkeypat
 
 def test_a_robot_that_is_not_round_begins_where_it_has_room() -> None:
     """In the place of the r1 if it fits there, else nearby; a round robot always begins in the same place."""
-    rng, empty = np.random.default_rng(0), cast("World", SimpleNamespace(knowledge=KnowledgeBase))
+    rng, empty = np.random.default_rng(0), cast("SimWorld", SimpleNamespace(knowledge=KnowledgeBase))
     grid = traversability(prior_map(HOUSE), R1PRO.base.radius_m)
     footprint = Footprint(R1PRO.base.radius_m, np.zeros((0, 3)), R1PRO.base.circles)
     cells = np.argwhere(standing_room(prior_map(HOUSE)))

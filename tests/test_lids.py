@@ -16,7 +16,7 @@ from mpvi_bt.hands.skills.open import _rise_off
 from mpvi_bt.hands.skills.push_courses import pushes
 from mpvi_bt.hands.stance.grasps import grasps
 from mpvi_bt.house.goals.predicates import open_
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 from tests.test_open import play, work_in
@@ -24,7 +24,7 @@ from tests.test_open import play, work_in
 DESK = "{entry: desk, at: [0.85, 0.0], yaw_deg: 180}"
 
 
-def lidded(entry: str, fraction: float) -> World:
+def lidded(entry: str, fraction: float) -> SimWorld:
     """A thing on a desk, its front toward the robot, its lid open so far."""
     world = small_world({"thing": placed(entry, 0.75, 0.0, 0.741, np.pi)}, desk=DESK)
     world.set_opening("thing", "lid", fraction)

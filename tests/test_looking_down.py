@@ -15,7 +15,7 @@ from mpvi_bt.hands.motion.gaze import look_down, turn_to
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.hands.skills.drop import reach_over
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
@@ -26,11 +26,11 @@ HANDS: dict[Side, Array] = {  # T_base_tcp in which the r1pro carries a bin by i
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world() -> SimWorld:
     return small_world({"bin": placed("trash_can", -2.0, 0.0), "can": placed("can_of_soda", -2.0, 1.0)}, robot=R1PRO)
 
 
-def holding(world: World, held: dict[Side, tuple[str, Array]]) -> Work:
+def holding(world: SimWorld, held: dict[Side, tuple[str, Array]]) -> Work:
     """A robot whose hands hold things before the body, each at T_base_thing (4, 4)."""
     felt, scene = world.robot.proprioception(), TrueScene(world)
     arm = dict(felt.arm)
@@ -61,7 +61,7 @@ def down(torso: Array, p: Array) -> float:
     return float(np.arctan2(y, z))
 
 
-def test_what_is_below_the_picture_comes_into_it_as_the_trunk_bends(world: World) -> None:
+def test_what_is_below_the_picture_comes_into_it_as_the_trunk_bends(world: SimWorld) -> None:
     """What a hand holds keeps its place meanwhile; what is in view already bends nothing."""
     edge = R1PRO.cameras["head"].fov_rad / 2
     p = np.array([0.30, 0.28, 0.50])
@@ -74,7 +74,7 @@ def test_what_is_below_the_picture_comes_into_it_as_the_trunk_bends(world: World
     assert not carry_out(work, turn_to(work, (work.base @ np.append(p, 1.0))[:3]))
 
 
-def test_the_floor_ahead_comes_into_view_as_the_trunk_bends(world: World) -> None:
+def test_the_floor_ahead_comes_into_view_as_the_trunk_bends(world: SimWorld) -> None:
     """A look 55 degrees down shows the floor nearer to the base than one ahead, from which it straightens up again."""
     work = holding(world, {})
     foot = np.array([R1PRO.base.corners[:, 0].max() + 0.25, 0.0, 0.0])
@@ -87,7 +87,7 @@ def test_the_floor_ahead_comes_into_view_as_the_trunk_bends(world: World) -> Non
 
 
 @pytest.mark.parametrize("slant_rad", [0.0, 0.23])
-def test_hands_meet_over_a_container_that_hangs_on_a_slant(world: World, slant_rad: float) -> None:
+def test_hands_meet_over_a_container_that_hangs_on_a_slant(world: SimWorld, slant_rad: float) -> None:
     """What is let go of over it is clear of its higher side, and both arms reach so far."""
     handle = np.array([0.0, 0.0, max(s.aabb()[1, 2] for s in world.solids("bin")) - world.pose("bin")[2, 3] - 0.01])
     hangs, grip = kin.rot_z(1.7) @ kin.rot_y(slant_rad), HANDS["left"][:3, 3]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mpvi_bt.ground.geometry.solids import pose
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import placed, small_world
 
 
-def seen(world: World) -> np.ndarray:
+def seen(world: SimWorld) -> np.ndarray:
     """A picture of what lies at x = 1 m, from above."""
     above = pose((1.0, 0.0, 0.9))
     above[:3, :3] = [[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]

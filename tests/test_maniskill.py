@@ -33,7 +33,7 @@ from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.maniskill import MpviHouseEnv
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 
 TASK = "picking_up_trash"
@@ -76,7 +76,7 @@ def test_pictures_of_one_size_can_be_stacked() -> None:
     env.close()
 
 
-def core(instance: int = 0, render: bool = False) -> World:
+def core(instance: int = 0, render: bool = False) -> SimWorld:
     """The same start in the core."""
     task = load_task(TASK)
     house = load_house(task.house)
@@ -129,7 +129,7 @@ def test_the_same_commands_drive_the_same_way(env: gymnasium.Env[Any, Any]) -> N
 
 
 def test_a_tree_drives_it_the_cores_way(env: gymnasium.Env[Any, Any]) -> None:
-    """Stepped as a `World` with commands of all digits, robot and movable things are as in the core, bit by bit."""
+    """Stepped as a `SimWorld` with commands of all digits, robot and movable things are as in the core, bit by bit."""
     env.reset()
     here, there = inner(env).world, core()
     for action in wanders(60, seed=3).astype(float) + 1e-9:

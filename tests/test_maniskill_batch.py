@@ -32,7 +32,7 @@ from mpvi_bt.house.maniskill.drive_tensors import Drives
 from mpvi_bt.house.maniskill.env import MpviHouseEnv
 from mpvi_bt.house.sim.shaders import new_scene
 from mpvi_bt.house.sim.sim_robot import SimRobot
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 
 TASK = "picking_up_trash"
 
@@ -135,15 +135,15 @@ def test_three_actions_are_carried_out_as_each_alone(
         torch.testing.assert_close(together[k], carried_out([k])[0], rtol=0, atol=1e-12)
 
 
-def put_in_bin(world: World, count: int) -> None:
+def put_in_bin(world: SimWorld, count: int) -> None:
     """Put the first cans into the bin, where they stay."""
     bin_ = next(name for name in world.objects if name.startswith("ashcan"))
     for k, can in enumerate([name for name in world.objects if name.startswith("can")][:count]):
         world.place(can, kin.transform(np.eye(3), world.pose(bin_)[:3, 3] + [0.0, 0.0, 0.1 + 0.05 * k]), fixed=True)
 
 
-def as_saved(world: World) -> dict[str, Any]:
-    """What `World.save` tells, with the robot's joints by name."""
+def as_saved(world: SimWorld) -> dict[str, Any]:
+    """What `SimWorld.save` tells, with the robot's joints by name."""
     saved = world.save()
     names = [joint.name for joint in world.robot.articulation.active_joints]
     return {**saved, "joints": dict(zip(names, saved["robot"]["q"], strict=True))}

@@ -10,14 +10,14 @@ import pytest
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, placed, small_world
 
 WASHER = "{entry: washer, at: [1.5, 0.0], yaw_deg: 180}"
 DUST, RUST = "dust.n.01", "rust.n.01"
 
 
-def a_ball_in_a_washer() -> World:
+def a_ball_in_a_washer() -> SimWorld:
     """Both kinds of marks are on the ball and on the can beside the washer."""
     drum = small_world(washer_1=WASHER).volumes("washer_1")[0]
     inner = Placement(CATALOGUE["tennis_ball"], pose(drum.T[:3, 3]))

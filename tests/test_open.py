@@ -23,7 +23,7 @@ from mpvi_bt.hands.skills.open import is_open
 from mpvi_bt.hands.skills.openings import doors_meant, thing_meant
 from mpvi_bt.hands.skills.push_courses import pushes
 from mpvi_bt.hands.stance.course import Course
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
@@ -42,12 +42,12 @@ FIXTURES = {
 }
 
 
-def work_in(world: World) -> Work:
+def work_in(world: SimWorld) -> Work:
     return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
 
 def play(
-    world: World, prompt: str, limit_s: float = 60.0, watch: Callable[[int, ExpertPolicy], None] | None = None
+    world: SimWorld, prompt: str, limit_s: float = 60.0, watch: Callable[[int, ExpertPolicy], None] | None = None
 ) -> list[str]:
     """Have the expert follow a prompt; what it said, in order."""
     expert, said = ExpertPolicy(world, SKILLS), [""]

@@ -17,7 +17,7 @@ from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills import pick as picking
 from mpvi_bt.hands.skills.pick import _bring, pick
 from mpvi_bt.hands.stance.stance import Stance
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
@@ -25,11 +25,11 @@ CAN = {"object": "can of soda"}
 TABLE = "{entry: table, at: [0.9, 0.0]}"
 
 
-def lowest(world: World, name: str = "can") -> float:
+def lowest(world: SimWorld, name: str = "can") -> float:
     return float(min(s.aabb()[0, 2] for s in world.solids(name)))
 
 
-def played(world: World, task: Work, actions: Actions) -> None:
+def played(world: SimWorld, task: Work, actions: Actions) -> None:
     """Perform it."""
     until_s = world.time_s + 60.0
     for action in actions:
@@ -39,7 +39,7 @@ def played(world: World, task: Work, actions: Actions) -> None:
 
 
 @pytest.fixture
-def held() -> tuple[World, Work, float]:
+def held() -> tuple[SimWorld, Work, float]:
     """A can that has been picked up from a table, and how high it lay."""
     world = small_world({"can": placed("can_of_soda", 0.7, 0.0, 0.76)}, (-0.2, 0.0, 0.0), table_1=TABLE)
     world.settle()
@@ -50,7 +50,7 @@ def held() -> tuple[World, Work, float]:
 
 
 @pytest.mark.slow
-def test_what_is_picked_up_is_off_what_it_lay_on(held: tuple[World, Work, float]) -> None:
+def test_what_is_picked_up_is_off_what_it_lay_on(held: tuple[SimWorld, Work, float]) -> None:
     """A pick that says nothing against it has the thing in hand, 5 cm and more above where it lay or well away."""
     world, task, rest = held
     assert task.scene.holding("left") == "can" or task.scene.holding("right") == "can"
@@ -59,7 +59,7 @@ def test_what_is_picked_up_is_off_what_it_lay_on(held: tuple[World, Work, float]
 
 
 @pytest.mark.slow
-def test_what_is_in_hand_where_it_lay_is_not_picked_up(held: tuple[World, Work, float]) -> None:
+def test_what_is_in_hand_where_it_lay_is_not_picked_up(held: tuple[SimWorld, Work, float]) -> None:
     """A retry with the thing in hand raises it first; where it comes no higher, the pick fails."""
     world, task, _ = held
     side: Side = "left" if task.scene.holding("left") == "can" else "right"

@@ -26,7 +26,7 @@ from mpvi_bt.hands.skills.placing import leaning
 from mpvi_bt.hands.stance.effort import Effort
 from mpvi_bt.hands.stance.stance import Option
 from mpvi_bt.hands.stance.stance_search import Search
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing import SceneBuilder
 from mpvi_bt.testing.full_hands import put_in_hands
@@ -37,18 +37,18 @@ EGG = {"object": "Easter egg", "container": "mixing bowl"}
 ON_THE_FLOOR = pose((0.6, 0.5, 0.02))
 
 
-def at_work(world: World) -> Work:
+def at_work(world: SimWorld) -> Work:
     """A skill's view of a world that stands still, known by truth."""
     return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
 
-def egg_in_hand() -> World:
+def egg_in_hand() -> SimWorld:
     """The left hand holds an egg, a bowl is within reach."""
     scene = SceneBuilder().thing("bowl", "mixing_bowl", (0.6, 0.0, 0.0)).thing("egg", "easter_egg")
     return scene.in_hand("left", "egg").world()
 
 
-def let_fall(world: World, inside: bool) -> None:
+def let_fall(world: SimWorld, inside: bool) -> None:
     """Have the egg lie in the bowl, or beside it."""
     world.place("egg", world.pose("bowl") @ pose((0.0, 0.0, 0.03)) if inside else ON_THE_FLOOR)
 

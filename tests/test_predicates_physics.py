@@ -8,7 +8,7 @@ import pytest
 from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.house.goals.predicates import truth_in
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, placed, small_world
 
 BOARD_M = 0.503  # height of the bookcase's second board
@@ -16,7 +16,7 @@ FLAT = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])  # 
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world() -> SimWorld:
     """Things put a little over where they are to lie, and left to themselves."""
     house = {
         "on_board": placed("can_of_soda", 2.7, -1.3, BOARD_M + 0.07),
@@ -92,7 +92,7 @@ FACTS = {
 
 
 @pytest.mark.parametrize("said", FACTS)
-def test_what_rests_is_where_it_is_seen_to_be(world: World, said: str) -> None:
+def test_what_rests_is_where_it_is_seen_to_be(world: SimWorld, said: str) -> None:
     """The first facts hold, the others do not."""
     truth = truth_in(world)
     told = {fact: truth(literal(fact)) for facts in FACTS[said] for fact in facts}
@@ -108,7 +108,7 @@ def literal(text: str) -> Literal:
 @pytest.mark.parametrize(("opened", "expected"), [(0.0, False), (0.045, False), (0.055, True), (1.0, True)])
 @pytest.mark.parametrize(("name", "body"), [("fridge", "door"), ("chest", "drawer_2")])
 def test_a_door_or_drawer_past_a_twentieth_opens_a_thing(
-    world: World, name: str, body: str, opened: float, expected: bool
+    world: SimWorld, name: str, body: str, opened: float, expected: bool
 ) -> None:
     """One of three drawers is enough."""
     world.set_opening(name, body, opened)

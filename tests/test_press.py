@@ -13,7 +13,7 @@ from mpvi_bt.ground.robot.motion import Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import ActionLayout
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills.press import options, press
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
 from tests.test_open import play
@@ -29,7 +29,7 @@ FIXTURES: dict[str, Any] = {
 }
 
 
-def radio(yaw: float = 0.5) -> World:
+def radio(yaw: float = 0.5) -> SimWorld:
     return small_world({"radio": placed("radio_receiver", 0.8, 0.1, 0.721, yaw)}, base=(-0.2, 0.1, 0.1), t=TABLE)
 
 

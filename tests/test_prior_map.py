@@ -15,7 +15,7 @@ from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.layout.overlap import penetration
 from mpvi_bt.house.layout.prior_map import BAND_M, knowledge, obstacles, prior_map
 from mpvi_bt.house.sim.open_doors import OpenDoors
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def test_penetration_is_symmetric_and_negative_only_without_a_common_point(a: So
 def test_open_doors_are_on_the_map_while_they_stand_open(house: House) -> None:
     """A door that swings out takes floor before its cabinet; shut again, the map is the one of closed doors."""
     closed = prior_map(house)
-    world = World(house, {}, np.array([6.0, 2.5, 0.0]), render=False)
+    world = SimWorld(house, {}, np.array([6.0, 2.5, 0.0]), render=False)
     now = OpenDoors(closed, world)
     assert now() is closed
     world.set_opening("cabinet_1", "door", 0.8)

@@ -14,7 +14,7 @@ from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.skills.push import _way, pushes
 from mpvi_bt.house.goals.predicates import nextto
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_open import play
@@ -22,7 +22,7 @@ from tests.test_open import play
 CHAIR = CATALOGUE["chair"].changed(mass_kg=4.0, friction=0.3)
 
 
-def chair_world(yaw: float = 0.4) -> World:
+def chair_world(yaw: float = 0.4) -> SimWorld:
     T = kin.transform(kin.rot_z(yaw), (0.4, 0.1, 0.001))
     return small_world({"seat": Placement(CHAIR, T)}, base=(-0.6, 0.0, 0.1), t="{entry: table, at: [1.6, 0.1]}")
 

@@ -21,7 +21,7 @@ from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
 from mpvi_bt.hands.robots import r1pro
 from mpvi_bt.hands.robots.r1pro import R1PRO, TRUNK
 from mpvi_bt.hands.robots.r1pro_urdf import r1pro_urdf
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing import check_robot
 from tests.small_house import placed, small_world
 
@@ -35,7 +35,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world() -> SimWorld:
     """An r1pro in an empty room; tests leave it in the posture that it begins with."""
     return small_world(robot=R1PRO)
 
@@ -208,7 +208,7 @@ def test_it_keeps_the_robots_contract() -> None:
     check_robot(world.robot, world.step)
 
 
-def test_it_stands_still_in_the_posture_of_rest(world: World) -> None:
+def test_it_stands_still_in_the_posture_of_rest(world: SimWorld) -> None:
     """Told BEHAVIOR's posture of rest, which it begins in, for 2 s, no joint moves by 0.1 mrad, nor the base."""
     felt = world.robot.proprioception()
     np.testing.assert_allclose(felt.torso, START, atol=1e-6)

@@ -21,7 +21,7 @@ from mpvi_bt.hands.policies import reactive as module
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
 from mpvi_bt.hands.skills.open import is_open
 from mpvi_bt.house.goals.predicates import inside, ontop
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing import KinematicRobot, check_policy
 from tests.small_house import placed, small_world
 
@@ -43,7 +43,7 @@ class Played:
     actions: list[Array] = field(default_factory=list)
 
 
-def play(world: World, policy: ReactivePolicy, prompt: str, limit_s: float, every: bool = False) -> Played:
+def play(world: SimWorld, policy: ReactivePolicy, prompt: str, limit_s: float, every: bool = False) -> Played:
     """Have the policy follow a prompt until its note is "done", or for `limit_s`; show it `every` picture there is."""
     played = Played()
     for _ in range(round(limit_s * CONTROL_HZ)):
@@ -60,7 +60,7 @@ def play(world: World, policy: ReactivePolicy, prompt: str, limit_s: float, ever
     return played
 
 
-def calm(world: World) -> World:
+def calm(world: SimWorld) -> SimWorld:
     world.settle()
     return world
 

@@ -23,7 +23,7 @@ from mpvi_bt.ground.robot.motion import MotionFailure
 from mpvi_bt.ground.robot.protocol import ActionLayout, Proprioception, Side
 from mpvi_bt.ground.words.phrases import kinds
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, run, small_world
 
@@ -34,7 +34,7 @@ VOCABULARY = {"can_1": ("can of soda",), "can_2": ("can of soda",), "bin": ("tra
 TABLE = "{entry: table, at: [1.0, 0.0]}"
 
 
-def tilted(world: World, tilt: float = 0.75) -> World:
+def tilted(world: SimWorld, tilt: float = 0.75) -> SimWorld:
     """The head looks down."""
     action = world.robot.action
     action[ActionLayout.TORSO] = [0.42, 0.0, 0.0, tilt]
@@ -43,14 +43,14 @@ def tilted(world: World, tilt: float = 0.75) -> World:
     return world
 
 
-def looking(world: World, *phrases: str) -> Seen:
+def looking(world: SimWorld, *phrases: str) -> Seen:
     seen = Seen(SegmentationDetector(VOCABULARY, least_px=1))
     seen.forget(phrases)
     look(world, seen)
     return seen
 
 
-def look(world: World, seen: Seen, camera: str = "head") -> None:
+def look(world: SimWorld, seen: Seen, camera: str = "head") -> None:
     seen.see({camera: world.robot.look(camera)}, world.robot.proprioception())
 
 
@@ -71,7 +71,7 @@ def hand_at(
         seen.feel(replace(felt))
 
 
-def cans() -> World:
+def cans() -> SimWorld:
     return tilted(small_world({"can_1": placed("can_of_soda", 1.0, 0.2), "can_2": placed("can_of_soda", 1.0, -0.2)},
                               render=True))  # fmt: skip
 
@@ -311,7 +311,7 @@ def test_what_is_looked_at_closely_does_not_hang_on_an_order() -> None:
         np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].aabb().mean(0), atol=0.01)
 
 
-def basket(*eggs: tuple[float, float]) -> World:
+def basket(*eggs: tuple[float, float]) -> SimWorld:
     """A basket on the floor before the robot, with eggs at places in it."""
     things = {f"egg_{k}": placed("easter_egg", 0.75 + x, y, 0.02) for k, (x, y) in enumerate(eggs)}
     return tilted(small_world({"bin": placed("wicker_basket", 0.75, 0.0), **things}, render=True), 0.9)
@@ -499,7 +499,7 @@ def test_walls_are_known_from_one_prompt_to_the_next() -> None:
         assert seen.obstacles(at, 1.7).distance(wall) > 0.1
 
 
-def tall_cabinet(x: float, y: float, yaw: float, opened: float = 0.7) -> World:
+def tall_cabinet(x: float, y: float, yaw: float, opened: float = 0.7) -> SimWorld:
     """One that stands open, seen from somewhere."""
     cabinet = "{entry: tall_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"
     world = small_world(base=(x, y, yaw), render=True, cabinet=cabinet)

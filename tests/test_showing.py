@@ -17,7 +17,7 @@ from mpvi_bt.hands.motion.gaze import look_into
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from mpvi_bt.hands.policies.showing import done_at, fell_beside, step_up, views
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
@@ -38,7 +38,7 @@ class Done(ScriptedPolicy):
         return match(prompt, self._skills)
 
 
-def asked_at(world: World, prompt: str, seconds: float) -> list[Array]:
+def asked_at(world: SimWorld, prompt: str, seconds: float) -> list[Array]:
     """Where torso and base (7,) were at each question that standing still brought."""
     policy = Done(TrueScene(world), SKILLS)
     triggers = ProprioceptiveTriggers(world.robot)
@@ -63,7 +63,7 @@ def test_who_is_done_and_not_told_so_shows_it_from_a_few_sides_and_then_stands()
     assert seen[-1][4] > seen[0][4] + 0.1, "it has not gone up to it"
 
 
-def work_in(world: World) -> Work:
+def work_in(world: SimWorld) -> Work:
     """Of a robot that stands before the bin."""
     return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 

@@ -11,7 +11,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing import check_robot
 from tests.small_house import placed, run, small_world
 
@@ -20,11 +20,11 @@ SPREAD = np.array([-0.5, 0.4, 0.2, -1.1, 0.3, 0.4, -0.6])
 
 
 @pytest.fixture
-def world() -> World:
+def world() -> SimWorld:
     return small_world()
 
 
-def spread(world: World) -> Array:
+def spread(world: SimWorld) -> Array:
     """An action that bends the torso and stretches both arms, the base at rest."""
     action = world.robot.action
     action[ActionLayout.TORSO] = (0.4, 0.3, 0.4, 0.6)
@@ -33,12 +33,12 @@ def spread(world: World) -> Array:
     return action
 
 
-def test_it_keeps_the_robots_contract(world: World) -> None:
+def test_it_keeps_the_robots_contract(world: SimWorld) -> None:
     """The simulated robot passes the check that every robot passes."""
     check_robot(world.robot, world.step)
 
 
-def test_it_reaches_a_commanded_posture(world: World) -> None:
+def test_it_reaches_a_commanded_posture(world: SimWorld) -> None:
     """Torso and arms settle on their targets within a second, and the base stays."""
     action = spread(world)
     run(world, action, 2.5)
@@ -50,7 +50,7 @@ def test_it_reaches_a_commanded_posture(world: World) -> None:
     np.testing.assert_allclose(felt.base_pose, 0.0, atol=0.005)
 
 
-def test_kinematics_agree_with_the_simulator(world: World) -> None:
+def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     """Chest, tcps and camera links are where forward kinematics of what is felt puts them, to a millimeter."""
     action = spread(world)
     action[ActionLayout.BASE] = (0.3, 0.2, 0.4)
@@ -97,7 +97,7 @@ def test_the_base_keeps_its_velocity(velocity: tuple[float, float, float]) -> No
     assert abs(kin.wrap(felt.base_pose[2] - expected[2])) < 0.03 * abs(velocity[2]) + 0.005
 
 
-def test_the_base_stops_and_stands(world: World) -> None:
+def test_the_base_stops_and_stands(world: SimWorld) -> None:
     """Told to hold in full drive it comes to rest within a second and its braking way, and stays there."""
     action = world.robot.action
     action[ActionLayout.BASE] = (0.8, 0.0, 0.0)
@@ -113,7 +113,7 @@ def test_the_base_stops_and_stands(world: World) -> None:
     np.testing.assert_allclose(world.robot.proprioception().base_pose, rest.base_pose, atol=1e-3)
 
 
-def test_the_base_does_not_jerk(world: World) -> None:
+def test_the_base_does_not_jerk(world: SimWorld) -> None:
     """Its speed changes by no more than its acceleration allows, whatever the commands."""
     rng, speeds = np.random.default_rng(0), []
     for _ in range(90):
@@ -125,7 +125,7 @@ def test_the_base_does_not_jerk(world: World) -> None:
     assert (change < [2.2, 2.2, 3.6]).all()
 
 
-def test_what_is_restored_to_rest_stays_at_rest(world: World) -> None:
+def test_what_is_restored_to_rest_stays_at_rest(world: SimWorld) -> None:
     """A robot that drives, and is brought back to how it stood, stands there: it does not go on driving."""
     saved = world.robot.save()
     action = world.robot.action
@@ -136,7 +136,7 @@ def test_what_is_restored_to_rest_stays_at_rest(world: World) -> None:
     np.testing.assert_allclose(world.robot.proprioception().base_pose, 0.0, atol=0.005)
 
 
-def test_holding_keeps_every_joint(world: World) -> None:
+def test_holding_keeps_every_joint(world: SimWorld) -> None:
     """A robot that holds in the middle of a motion goes on to its targets, base at rest, and stays."""
     action = spread(world)
     world.step(action)
@@ -154,7 +154,7 @@ def test_holding_keeps_every_joint(world: World) -> None:
 @pytest.mark.parametrize(
     "bad", [np.zeros(22), np.zeros((1, 23)), np.zeros(0), np.full(23, np.nan), np.append(np.zeros(22), np.inf)]
 )
-def test_an_action_that_is_none_is_refused(world: World, bad: Array) -> None:
+def test_an_action_that_is_none_is_refused(world: SimWorld, bad: Array) -> None:
     """A wrong shape or a number that is not finite is an error, and the command stays as it was."""
     before = world.robot.action
     with pytest.raises(BackendError, match="action"):
@@ -166,7 +166,7 @@ def test_an_action_that_is_none_is_refused(world: World, bad: Array) -> None:
 
 
 @pytest.mark.parametrize("extreme", [1e6, -1e6])
-def test_actions_are_brought_within_the_limits(world: World, extreme: float) -> None:
+def test_actions_are_brought_within_the_limits(world: SimWorld, extreme: float) -> None:
     """Whatever is asked for, the command is within speeds, joint limits and -1..1."""
     world.robot.act(np.full(ACTION_SIZE, extreme))
     action = world.robot.action
@@ -178,7 +178,7 @@ def test_actions_are_brought_within_the_limits(world: World, extreme: float) -> 
         assert action[ActionLayout.GRIPPER[s]] == np.sign(extreme)
 
 
-def test_acting_copies(world: World) -> None:
+def test_acting_copies(world: SimWorld) -> None:
     """Neither the array that was given nor the one that is read is the command itself."""
     given = world.robot.action
     world.robot.act(given)
@@ -188,7 +188,7 @@ def test_acting_copies(world: World) -> None:
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_a_gripper_opens_and_closes_evenly(world: World, side: Side) -> None:
+def test_a_gripper_opens_and_closes_evenly(world: SimWorld, side: Side) -> None:
     """The width follows the command from 0 to 10 cm, both fingers alike, and the other hand stays."""
     action = world.robot.action
     other: Side = "left" if side == "right" else "right"
@@ -207,7 +207,7 @@ def test_a_gripper_opens_and_closes_evenly(world: World, side: Side) -> None:
         assert left - right == pytest.approx(felt.gripper_width[side], abs=0.003)
 
 
-def test_heading_is_wrapped_however_far_it_turns(world: World) -> None:
+def test_heading_is_wrapped_however_far_it_turns(world: SimWorld) -> None:
     """After turns beyond half a circle the felt heading is still within -pi..pi, and no step of it is a leap."""
     action = world.robot.action
     action[ActionLayout.BASE] = (0.0, 0.0, 1.5)
@@ -220,7 +220,7 @@ def test_heading_is_wrapped_however_far_it_turns(world: World) -> None:
     assert np.sum(kin.wrap(np.diff(yaws))) > 4 * np.pi
 
 
-def test_what_is_felt_is_of_this_step(world: World) -> None:
+def test_what_is_felt_is_of_this_step(world: SimWorld) -> None:
     """Physics that runs outside of a control step is felt too."""
     before = world.robot.proprioception()
     action = spread(world)
@@ -231,7 +231,7 @@ def test_what_is_felt_is_of_this_step(world: World) -> None:
     assert np.abs(world.robot.proprioception().arm["left"] - before.arm["left"]).max() > 0.1
 
 
-def test_without_rendering_there_is_no_picture(world: World) -> None:
+def test_without_rendering_there_is_no_picture(world: SimWorld) -> None:
     """A world that was built without pictures says so when one is asked for."""
     with pytest.raises(NoRenderingDevice, match="mpvi doctor"):
         world.robot.look("head")
@@ -240,7 +240,7 @@ def test_without_rendering_there_is_no_picture(world: World) -> None:
 
 
 @pytest.fixture(scope="module")
-def pictured() -> World:
+def pictured() -> SimWorld:
     """A box on the floor 1.5 m ahead, its face to the robot, and the wall at x = 2.95 behind."""
     world = small_world({"block": placed("box_of_oatmeal", 1.5, 0.0)}, render=True)
     world.settle(0.2)
@@ -255,7 +255,7 @@ def project(image: CameraImage, p: Array) -> tuple[int, int]:
 
 
 @pytest.mark.render
-def test_a_pixel_is_where_the_world_is(pictured: World) -> None:
+def test_a_pixel_is_where_the_world_is(pictured: SimWorld) -> None:
     """Points of wall, floor and box come back to a centimeter; the box and nothing else is labeled as the box."""
     action = pictured.robot.action
     action[ActionLayout.TORSO] = (0.30, 0.0, 0.0, 0.55)
@@ -282,7 +282,7 @@ def test_a_pixel_is_where_the_world_is(pictured: World) -> None:
 
 @pytest.mark.render
 @pytest.mark.parametrize("camera", sorted(r1.CAMERAS))
-def test_a_picture_is_what_the_protocol_says(pictured: World, camera: str) -> None:
+def test_a_picture_is_what_the_protocol_says(pictured: SimWorld, camera: str) -> None:
     """Shapes, types, size and pose of each camera are those of the model and its kinematics."""
     image = pictured.robot.look(camera)
     model = r1.CAMERAS[camera]
@@ -308,7 +308,7 @@ def test_a_picture_is_what_the_protocol_says(pictured: World, camera: str) -> No
 
 @pytest.mark.render
 @pytest.mark.parametrize("side", SIDES)
-def test_a_wrist_sees_its_own_fingers(pictured: World, side: Side) -> None:
+def test_a_wrist_sees_its_own_fingers(pictured: SimWorld, side: Side) -> None:
     """The robot's own parts are labeled "robot", and the fingertips are in the wrist's picture."""
     image = pictured.robot.look(side)
     assert image.labels is not None
@@ -318,7 +318,7 @@ def test_a_wrist_sees_its_own_fingers(pictured: World, side: Side) -> None:
 
 
 @pytest.mark.render
-def test_a_picture_from_outside_shows_the_robot(pictured: World) -> None:
+def test_a_picture_from_outside_shows_the_robot(pictured: SimWorld) -> None:
     """A camera that looks down at the robot from above sees it under itself, and the floor beside."""
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[2, 3] = 5.0
@@ -329,7 +329,7 @@ def test_a_picture_from_outside_shows_the_robot(pictured: World) -> None:
 
 
 @pytest.mark.render
-def test_an_unknown_camera_is_said(pictured: World) -> None:
+def test_an_unknown_camera_is_said(pictured: SimWorld) -> None:
     """A camera that there is not is an error that names those that there are."""
     with pytest.raises(BackendError, match="head"):
         pictured.robot.look("tail")

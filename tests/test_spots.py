@@ -17,7 +17,7 @@ from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills import place, spots
 from mpvi_bt.hands.skills.placing import Pose, leaning
 from mpvi_bt.house.goals.predicates import nextto, under
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
@@ -38,7 +38,7 @@ def test_spots_lie_about_the_middle_of_a_face(share: float) -> None:
 class Holding(TrueScene):
     """A scene in which the left hand holds a thing, wherever that is."""
 
-    def __init__(self, world: World, name: str) -> None:
+    def __init__(self, world: SimWorld, name: str) -> None:
         super().__init__(world)
         self.holding = lambda side: name if side == "left" else None
 

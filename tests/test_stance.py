@@ -29,7 +29,7 @@ from mpvi_bt.hands.stance.effort import Effort
 from mpvi_bt.hands.stance.grasps import grasps
 from mpvi_bt.hands.stance.stance import Option, Stance, upright_options
 from mpvi_bt.hands.stance.stance_search import Search, _bases
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import ODD, placed, small_world
 
@@ -37,18 +37,18 @@ TABLE = "{entry: table, at: [0.9, 0.6]}"
 CAN_AT = (0.9, -0.4)
 
 
-def work(world: World) -> Work:
+def work(world: SimWorld) -> Work:
     return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
 
-def carrying(world: World, felt: Proprioception, hand: Side, name: str) -> Search:
+def carrying(world: SimWorld, felt: Proprioception, hand: Side, name: str) -> Search:
     """The search for a robot that holds a thing, as things stand in the world."""
     scene = TrueScene(world)
     scene.holding = lambda side: name if side == hand else None
     return Work(scene, Motion(felt), np.random.default_rng(0)).search(hand, set())
 
 
-def options(world: World, name: str = "can") -> list[Option]:
+def options(world: SimWorld, name: str = "can") -> list[Option]:
     """Ways to take hold of a thing: 10 cm before it, then at it."""
     out = []
     for grasp in grasps(TrueScene(world), R1.hand, name, 0.0):
@@ -58,7 +58,7 @@ def options(world: World, name: str = "can") -> list[Option]:
     return out
 
 
-def find(world: World, side: Side, tried: list[Array] | None = None) -> tuple[Search, list[Option], Stance | None]:
+def find(world: SimWorld, side: Side, tried: list[Array] | None = None) -> tuple[Search, list[Option], Stance | None]:
     search = work(world).search(side, {"can"})
     search.tried.extend(tried or [])
     ways = options(world)
@@ -66,14 +66,14 @@ def find(world: World, side: Side, tried: list[Array] | None = None) -> tuple[Se
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world() -> SimWorld:
     world = small_world({"can": placed("can_of_soda", *CAN_AT)}, table_1=TABLE)
     world.settle()
     return world
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_a_stance_serves_its_option(world: World, side: Side) -> None:
+def test_a_stance_serves_its_option(world: SimWorld, side: Side) -> None:
     """From the stance's base and torso every waypoint of its option is in reach, and the path leads to the first."""
     _, ways, stance = find(world, side)
     assert stance is not None
@@ -91,7 +91,7 @@ def test_a_stance_serves_its_option(world: World, side: Side) -> None:
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_a_stance_and_its_path_are_free(world: World, side: Side) -> None:
+def test_a_stance_and_its_path_are_free(world: SimWorld, side: Side) -> None:
     """Base, trunk, the idle arm and, checked finely, the path of the working arm are clear of everything there."""
     _, _, stance = find(world, side)
     assert stance is not None
@@ -108,7 +108,7 @@ def test_a_stance_and_its_path_are_free(world: World, side: Side) -> None:
         assert (np.stack(body.clearance(side, line)) > -0.01).all()
 
 
-def test_the_same_search_finds_the_same(world: World) -> None:
+def test_the_same_search_finds_the_same(world: SimWorld) -> None:
     """Nothing about a search is left to chance that its randomness does not fix."""
     (_, _, first), (_, _, second) = find(world, "left"), find(world, "left")
     assert first is not None
@@ -117,7 +117,7 @@ def test_the_same_search_finds_the_same(world: World) -> None:
     np.testing.assert_array_equal(np.stack(first.path), np.stack(second.path))
 
 
-def test_what_was_tried_is_not_found_again(world: World) -> None:
+def test_what_was_tried_is_not_found_again(world: SimWorld) -> None:
     """A base pose that did not do is not offered again, nor one next to it."""
     tried: list[Array] = []
     for _ in range(3):
@@ -129,7 +129,7 @@ def test_what_was_tried_is_not_found_again(world: World) -> None:
         tried.append(stance.base)
 
 
-def test_what_is_out_of_reach_has_no_stance(world: World) -> None:
+def test_what_is_out_of_reach_has_no_stance(world: SimWorld) -> None:
     """A hand pose under the ceiling, or in the middle of the table's top, has none."""
     search = work(world).search("left", set())
     top = max(s.aabb()[1, 2] for s in world.solids("table_1"))
@@ -139,7 +139,7 @@ def test_what_is_out_of_reach_has_no_stance(world: World) -> None:
         assert search.find(np.array(p[:2]), ways) is None
 
 
-def test_a_search_that_finds_nothing_says_what_its_candidates_died_of(world: World) -> None:
+def test_a_search_that_finds_nothing_says_what_its_candidates_died_of(world: SimWorld) -> None:
     """By number, with what is in the way: there is no room beside a table, and in its top no room for an arm."""
     task = work(world)
     top = max(s.aabb()[1, 2] for s in world.solids("table_1"))
@@ -157,7 +157,7 @@ def test_a_search_that_finds_nothing_says_what_its_candidates_died_of(world: Wor
     assert str(failure) == f"no_stance ({failure.evidence})"
 
 
-def test_a_blocked_base_names_what_it_stands_at(world: World) -> None:
+def test_a_blocked_base_names_what_it_stands_at(world: SimWorld) -> None:
     """With how far it is off its goal; other failures keep their evidence."""
     task = work(world)
     leg = min((s.aabb() for s in world.solids("table_1")), key=lambda box: float(box[0, 2]))
@@ -181,7 +181,7 @@ def test_a_place_without_room_tells_the_payload_and_what_is_there() -> None:
     assert task.no_free_spot("can", None).evidence.endswith("cm high, on the floor")
 
 
-def test_without_options_there_is_no_stance(world: World) -> None:
+def test_without_options_there_is_no_stance(world: SimWorld) -> None:
     """A thing that can be let go of nowhere, or grasped nowhere, is no error: there is just no place to stand."""
     assert work(world).search("left", {"can"}).find(world.pose("can")[:2, 3], []) is None
 
@@ -195,14 +195,14 @@ def test_upright_options_come_down() -> None:
     assert option.cost == 0.7
 
 
-def test_a_search_ends_when_nothing_is_left_to_spend(world: World) -> None:
+def test_a_search_ends_when_nothing_is_left_to_spend(world: SimWorld) -> None:
     """A search that may check no base pose finds nothing, whatever there is to find."""
     search = work(world).search("right", {"can"})
     search.effort.left = 0.0
     assert search.find(world.pose("can")[:2, 3], options(world)) is None
 
 
-def test_what_failed_is_not_searched_again(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_failed_is_not_searched_again(world: SimWorld, monkeypatch: pytest.MonkeyPatch) -> None:
     """A retry checks other base poses than the try before; once a stance was found everything may be tried again."""
     checked: list[Array] = []
     checks = Search._from
@@ -222,7 +222,7 @@ def test_what_failed_is_not_searched_again(world: World, monkeypatch: pytest.Mon
     assert not search.effort.failed
 
 
-def found_for(world: World, name: str) -> Stance | None:
+def found_for(world: SimWorld, name: str) -> Stance | None:
     """A stance to pick a thing up from, with either hand."""
     world.settle()
     task = work(world)
@@ -231,7 +231,7 @@ def found_for(world: World, name: str) -> Stance | None:
     return next((stance for stance in stances if stance is not None), None)
 
 
-def leek_in_a_basket(off_m: float) -> World:
+def leek_in_a_basket(off_m: float) -> SimWorld:
     """A leek that lies along the side of a basket, so far from its middle."""
     basket, leek = placed("large_wicker_basket", 1.0, 0.0), placed("leek", 1.0 + off_m, 0.0, 0.012)
     return small_world({"basket": basket, "leek": leek})
@@ -307,7 +307,7 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
 
 @pytest.mark.parametrize("hand", [((0.0, 0.0, -1.0), (0.97, -0.25, 0.0)), ((0.5, -0.87, 0.0), (-0.87, -0.5, 0.0))])
 def test_a_payload_is_brought_to_where_it_can_stay_as_the_torso_bends(
-    world: World, hand: tuple[tuple[float, float, float], tuple[float, float, float]]
+    world: SimWorld, hand: tuple[tuple[float, float, float], tuple[float, float, float]]
 ) -> None:
     """Level in the other hand, at a place aside, while the torso goes down to where the floor is in reach."""
     robot = R1PRO

@@ -25,7 +25,7 @@ from mpvi_bt.hands.skills.inside import Look, looks_inside
 from mpvi_bt.hands.skills.place import place_in
 from mpvi_bt.hands.stance.stance import Stance
 from mpvi_bt.hands.stance.stance_search import Search
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
@@ -38,7 +38,7 @@ class Blind(TrueScene):
 
     needs_looks, pose_error_m = True, 0.06
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: SimWorld) -> None:
         super().__init__(world)
         self.felt = world.robot.proprioception()
         self.lifts: list[float] = []

@@ -12,18 +12,18 @@ from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.house.goals.predicates import toggled_on
 from mpvi_bt.house.sim.switches import PRESSED_STEPS, SWITCH_M
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 
 AWAY = np.full((4, 3), 9.0)
 
 
-def radio_world(render: bool = False) -> World:
+def radio_world(render: bool = False) -> SimWorld:
     return small_world({"radio": placed("radio_receiver", 0.8, 0.0, 0.001, yaw=0.7)}, render=render)
 
 
-def fingers(world: World, off_m: float, name: str = "radio") -> Array:
+def fingers(world: SimWorld, off_m: float, name: str = "radio") -> Array:
     """Fingertips of which one is so far out of the thing's switch."""
     T = world.switches(name)[0]
     tips = AWAY.copy()
@@ -31,7 +31,7 @@ def fingers(world: World, off_m: float, name: str = "radio") -> Array:
     return tips
 
 
-def touch(world: World, tips: Array) -> None:
+def touch(world: SimWorld, tips: Array) -> None:
     """One control step with fingertips there, and the hands that they are of."""
     world._switches.step(tips, lambda: tips)
 
@@ -66,7 +66,7 @@ def test_a_brush_or_a_miss_does_nothing() -> None:
     assert not world.toggled_on("radio")
 
 
-def press(world: World, name: str) -> None:
+def press(world: SimWorld, name: str) -> None:
     """A fingertip on the thing's switch for long enough, and then off."""
     for _ in range(PRESSED_STEPS):
         touch(world, fingers(world, 0.0, name))

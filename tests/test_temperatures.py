@@ -11,20 +11,20 @@ from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.goals.predicates import cooked, frozen
 from mpvi_bt.house.rules.heat import ROOM_C, Thermal, settles_at
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, placed, small_world
 
 FRIDGE = "{entry: refrigerator, at: [1.5, 0.0], yaw_deg: 180}"
 STOVE = "{entry: stove, at: [1.5, 0.0], z_m: 0.4}"
 
 
-def warm(world: World, seconds: float) -> None:
+def warm(world: SimWorld, seconds: float) -> None:
     """Let time pass for temperatures only: nothing moves."""
     for _ in range(round(seconds * 30)):
         world._temperatures.step(world, 1 / 30)
 
 
-def in_fridge(world: World) -> Placement:
+def in_fridge(world: SimWorld) -> Placement:
     """A pie on a board of the fridge."""
     volume = max(world.volumes("fridge_1"), key=lambda v: v.T[2, 3])
     return Placement(CATALOGUE["small_apple_pie"], volume.T @ pose((0.0, 0.0, -float(volume.half_m[2]) + 0.03)))

@@ -11,14 +11,14 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import bounds, pose
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, placed, run, small_world
 
 DUST, SPRAY = "dust.n.01", "insectifuge.n.01"
 STILL = np.zeros(ACTION_SIZE)
 
 
-def over(world: World, entry: str, name: str) -> np.ndarray:
+def over(world: SimWorld, entry: str, name: str) -> np.ndarray:
     """A pose in which a thing lies on the middle of another one."""
     low, high = bounds(world.solids(name))
     return pose((*((low + high) / 2)[:2].tolist(), float(high[2]) + 0.001))
@@ -60,7 +60,7 @@ def test_a_sprayer_marks_what_it_meets_first_while_it_is_on() -> None:
     assert other.save()["marks"]["steps"] == world.save()["marks"]["steps"]
 
 
-def a_camera_over_a_tripod(turned: float = 0.0) -> World:
+def a_camera_over_a_tripod(turned: float = 0.0) -> SimWorld:
     """It stands on the tripod's head."""
     high = 0.7205
     camera = Placement(CATALOGUE["digital_camera"], pose((1.0, 0.0, high), turned))

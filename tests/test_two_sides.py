@@ -21,7 +21,7 @@ from mpvi_bt.hands.skills.openings import seen_twice, stand_before, stand_before
 from mpvi_bt.hands.skills.push_courses import pushes
 from mpvi_bt.hands.stance.course import CourseSearch
 from mpvi_bt.hands.stance.effort import Effort
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import small_world
 
@@ -35,7 +35,7 @@ class Deceived(TrueScene):
 
     needs_looks, pose_error_m = True, 0.06
 
-    def __init__(self, world: World, looks: Looks) -> None:
+    def __init__(self, world: SimWorld, looks: Looks) -> None:
         super().__init__(world)
 
         def doors(name: str) -> Sequence[Door]:
@@ -54,14 +54,14 @@ def _swung(door: Door, by: float) -> Door:
     return replace(door, position=door.position + by, bar=bar, solids=[s.moved(T) for s in door.solids])
 
 
-def working(world: World, looks: Looks | None = None) -> Work:
+def working(world: SimWorld, looks: Looks | None = None) -> Work:
     world.settle(0.3)
     scene = TrueScene(world) if looks is None else Deceived(world, looks)
     images: Any = {"head": None}
     return Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0), images=images)
 
 
-def played(world: World, work: Work, doing: Any) -> Any:
+def played(world: SimWorld, work: Work, doing: Any) -> Any:
     """Play a motion to its end; what it returns."""
     while True:
         try:
@@ -73,7 +73,7 @@ def played(world: World, work: Work, doing: Any) -> Any:
         work.motion.felt = world.robot.proprioception()
 
 
-def cabinet(fraction: float, y: float = START_Y_M) -> World:
+def cabinet(fraction: float, y: float = START_Y_M) -> SimWorld:
     world = small_world(base=(-0.5, y, 0.0), thing=CABINET)
     world.set_opening("thing", "door", fraction)
     world.refresh()

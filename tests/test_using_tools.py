@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import placed, small_world
 from tests.test_open import play
 
 TABLE = "{entry: table, at: [1.0, 0.0], yaw_deg: 180}"
 
 
-def done(world: World, *prompts: str) -> World:
+def done(world: SimWorld, *prompts: str) -> SimWorld:
     """The world after some prompts, each carried out by the expert."""
     for prompt in prompts:
         said = play(world, prompt, limit_s=150)

@@ -16,28 +16,28 @@ from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.goals.predicates import inside, ontop
 from mpvi_bt.house.sim.builder import Thing
 from mpvi_bt.house.sim.holding import distance
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import placed, run, small_world
 
 TABLE = "{entry: table, at: [1.2, 0.0]}"
 
 
-def thing(world: World, name: str) -> Thing:
+def thing(world: SimWorld, name: str) -> Thing:
     return world._things[name]
 
 
-def bodies(world: World) -> dict[str, Array]:
+def bodies(world: SimWorld) -> dict[str, Array]:
     return {name: world.pose(name) for name in world.objects}
 
 
-def fingerprint(world: World) -> str:
+def fingerprint(world: SimWorld) -> str:
     """A hash of everything that moves."""
     felt = world.robot.proprioception()
     parts = [*(world.pose(n) for n in world.objects), felt.base_pose, felt.torso, *felt.arm.values()]
     return hashlib.sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest()
 
 
-def place_in_hand(world: World, name: str, side: Side) -> None:
+def place_in_hand(world: SimWorld, name: str, side: Side) -> None:
     """Put a can between the open fingers, its axis along the hand's, and close them."""
     T = world.robot.hand_pose_world(side)
     down = pose((0.0, 0.0, -0.061))

@@ -26,7 +26,7 @@ from mpvi_bt.hands.learned.demonstration import find, record
 from mpvi_bt.hands.learned.learned_motions import MOTIONS
 from mpvi_bt.hands.learned.points import PointMemory
 from mpvi_bt.house.sim.noise import NONE, REALISTIC, NoisyRobot
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
 
@@ -48,7 +48,7 @@ _WALL_LIMIT_S = 300.0
 class _Watch:
     """Says when an episode has succeeded, or never will."""
 
-    def __init__(self, trial: Trial, world: World, policy: ExpertPolicy) -> None:
+    def __init__(self, trial: Trial, world: SimWorld, policy: ExpertPolicy) -> None:
         self._trial, self._world, self._policy = trial, world, policy
         self._good, self.ok = 0, False
 

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.hands.rooms import arrival, called, catalogue, placed, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.ground.robot.collision import Surroundings
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import HALF_M, one_room
 
@@ -112,7 +112,7 @@ def against_wall(kind: str, rng: np.random.Generator, shapes: Shapes) -> tuple[d
     return fixtures, np.array([x - size[0] / 2 - _BEFORE_M, y])
 
 
-def positions(world: World, name: str) -> dict[str, tuple[float, bool, bool]]:
+def positions(world: SimWorld, name: str) -> dict[str, tuple[float, bool, bool]]:
     """Of each door: how far it is open [of the limit], whether clearly open, whether closed."""
     out = {}
     for door in world.doors(name):
@@ -138,7 +138,7 @@ def opening(kind: str) -> Scene:
             said = list(parts)[rng.integers(len(parts))]
             part = parts[said]
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             doors = positions(world, "thing_1")
             mine = doors if part is None else {part: doors[part]}
             if any(opened for _, opened, _ in mine.values()):
@@ -162,7 +162,7 @@ def closing(kind: str) -> Scene:
         said = next((s for s, b in _PARTS.get(kind, {}).items() if b == body), FURNITURE[kind].called)
         away = before - [0.35, 0.0]  # whoever opened it stands off
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             doors = positions(world, "thing_1").values()
             if all(shut for _, _, shut in doors):
                 return ""
@@ -186,9 +186,9 @@ def pressing(entry: str, phrase: str, kind: str | None = None) -> Scene:
         house = one_room(fixtures)
         name = "thing_1"
         on = bool(rng.integers(2))
-        start: dict[World, np.ndarray] = {}
+        start: dict[SimWorld, np.ndarray] = {}
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             if world not in start:
                 start[world] = world.pose(name)[:3, 3]
                 world.turn(name, not on)
@@ -269,7 +269,7 @@ def pushing(kind: Literal["box", "chair", "table"], toward: bool = False) -> Sce
             direction, turn = [("to the left", np.pi / 2), ("to the right", -np.pi / 2)][rng.integers(2)]
         way = np.array([np.cos(bearing + turn), np.sin(bearing + turn)])
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             T = world.pose("thing_1")
             if T[2, 2] < 0.9:
                 return "toppled"
@@ -289,7 +289,7 @@ def pushing(kind: Literal["box", "chair", "table"], toward: bool = False) -> Sce
     return scene
 
 
-def _corners(world: World) -> np.ndarray:
+def _corners(world: SimWorld) -> np.ndarray:
     """(n, 3) places all over a thing that is pushed."""
     boxes = [s.aabb() for s in world.solids("thing_1")]
     grids = [np.stack(np.meshgrid(*np.linspace(low, high, 5).T, indexing="ij"), -1) for low, high in boxes]

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.hands.doors import positions
 from benchmarks.hands.rooms import arrival, catalogue, placed
 from benchmarks.hands.trial import Scene, Shapes, Trial
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing.scene_builder import HALF_M, one_room
 
 _MOST_MOVED_M = 0.15
@@ -34,7 +34,7 @@ def lid(entry_name: str, said: str, opened: bool) -> Scene:
         house = one_room({"table_1": table})
         start = {"thing_1": {"lid": float(rng.uniform(0.5, 0.85))}} if opened else {}
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             T = world.pose("thing_1")
             if T[2, 2] < 0.9:
                 return "toppled"

@@ -12,7 +12,7 @@ from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import SIDES
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import one_room
 
@@ -21,7 +21,7 @@ _AWAY_M = 0.15
 _CLUTTER, _CLUTTER_M, _APART_M = 8, 0.25, 0.02
 
 
-def lifted(name: str, rest_m: float, at: Array) -> Callable[[World], str]:
+def lifted(name: str, rest_m: float, at: Array) -> Callable[[SimWorld], str]:
     """Whether a thing that lay at a height [m] and a place (2,) is in hand and off everything else.
 
     Codes: not_held (no hand has both fingers on it), not_lifted (neither has its lowest point risen by 5 cm nor is it
@@ -29,7 +29,7 @@ def lifted(name: str, rest_m: float, at: Array) -> Callable[[World], str]:
     that is not the robot).
     """
 
-    def done(world: World) -> str:
+    def done(world: SimWorld) -> str:
         if not any(name in world.pinched(side) for side in SIDES):
             return "not_held"
         away = float(np.linalg.norm(world.pose(name)[:2, 3] - at))
@@ -42,7 +42,7 @@ def lifted(name: str, rest_m: float, at: Array) -> Callable[[World], str]:
     return done
 
 
-def lowest(world: World, name: str) -> float:
+def lowest(world: SimWorld, name: str) -> float:
     """Height of a thing's lowest point [m]."""
     return float(min(solid.aabb()[0, 2] for solid in world.solids(name)))
 

@@ -14,7 +14,7 @@ from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.house.goals.predicates import inside, nextto, ontop, under
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import one_room
 
@@ -22,11 +22,11 @@ _MOVED_M, _UPRIGHT = 0.10, 0.9
 _REACH_M = 0.3  # what is held sticks out so far before the body
 _PARKED = (0.0, 0.0, -5.0)  # where a thing is said to be that will be in hand
 
-Placed = Callable[[World], bool]
+Placed = Callable[[SimWorld], bool]
 Draw = Callable[[np.random.Generator], Surface]
 
 
-def put(name: str, where: Placed, missing: str, others: Mapping[str, Placement]) -> Callable[[World], str]:
+def put(name: str, where: Placed, missing: str, others: Mapping[str, Placement]) -> Callable[[SimWorld], str]:
     """Whether a thing has been let go of where it belongs.
 
     Codes: in_hand (a hand is still about it), `missing` (it is not where it belongs), toppled or moved (another thing
@@ -39,7 +39,7 @@ def put(name: str, where: Placed, missing: str, others: Mapping[str, Placement])
         others: What stood in the scene at the start and is to go on standing there.
     """
 
-    def done(world: World) -> str:
+    def done(world: SimWorld) -> str:
         if any(world.holding(side) == name or name in world.pinched(side) for side in SIDES):
             return "in_hand"
         if not where(world):
@@ -74,7 +74,7 @@ def fits(entry: CatalogueEntry, container: CatalogueEntry) -> bool:
 
 
 def _trial(
-    entry: CatalogueEntry, prompt: str, surface: Surface, at: Array, done: Callable[[World], str],
+    entry: CatalogueEntry, prompt: str, surface: Surface, at: Array, done: Callable[[SimWorld], str],
     objects: Mapping[str, Placement], name: str, rng: np.random.Generator, budget_s: float = 90.0,
 ) -> Trial:  # fmt: skip
     """A trial with a thing in one hand and the robot before a place (2,)."""
@@ -149,7 +149,7 @@ def put_next_to(draw: Draw) -> Scene:
         objects = {beside: surface.put(other, spot, rng.uniform(-np.pi, np.pi))}
         name = name_in(objects, entry)
 
-        def where(world: World) -> bool:
+        def where(world: SimWorld) -> bool:
             return nextto(world, name, beside) and abs(lowest(world, name) - surface.z) < 0.02
 
         done = put(name, where, "not_next_to_it", objects)
@@ -166,7 +166,7 @@ def put_under(draw: Draw) -> Scene:
         surface, entry = draw(rng), draw_thing(rng, shapes)
         name = name_in({}, entry)
 
-        def where(world: World) -> bool:
+        def where(world: SimWorld) -> bool:
             return under(world, name, surface.name) and lowest(world, name) < 0.02
 
         at = surface.at(0.1, 0.0)

@@ -14,7 +14,7 @@ from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.hands.learned.policy import RECOVERY, WEIGHTS, LearnedPolicy, StanceRecovery
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
 from mpvi_bt.house.sim.mistaken import MistakenTruth
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.house.truth.true_scene import Truth
 
@@ -29,21 +29,21 @@ class Maker:
         pictures: Whether it needs a world that can be seen.
     """
 
-    make: Callable[[World, int, float], Policy]
+    make: Callable[[SimWorld, int, float], Policy]
     pictures: bool
 
 
-def _expert(world: World, seed: int, off_m: float) -> Policy:
+def _expert(world: SimWorld, seed: int, off_m: float) -> Policy:
     truth: Truth = MistakenTruth(world, off_m, seed) if off_m else world
     return ExpertPolicy(truth, load_skills(), seed)
 
 
-def _reactive(world: World, seed: int, off_m: float) -> Policy:
+def _reactive(world: SimWorld, seed: int, off_m: float) -> Policy:
     return ReactivePolicy(load_skills(), seed, vocabulary={e.name: e.phrases for e in world.knowledge()})
 
 
 def _learned(
-    world: World, seed: int, off_m: float, weights: Path = WEIGHTS, recovery: StanceRecovery = RECOVERY
+    world: SimWorld, seed: int, off_m: float, weights: Path = WEIGHTS, recovery: StanceRecovery = RECOVERY
 ) -> Policy:  # fmt: skip
     vocabulary = {e.name: e.phrases for e in world.knowledge()}
     return LearnedPolicy(load_skills(), SegmentationDetector(vocabulary, least_px=1), seed, weights, recovery)

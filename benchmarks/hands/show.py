@@ -9,7 +9,7 @@ import numpy as np
 
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.house.sim.views import look_at
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 
 _SIZE = (640, 480)
 _EVERY_STEPS = 6  # of a film: five pictures a second, played three times as fast
@@ -18,7 +18,7 @@ _EVERY_STEPS = 6  # of a film: five pictures a second, played three times as fas
 class Film:
     """Pictures of a world before and after a trial, and what happened in between if it is to be filmed."""
 
-    def __init__(self, world: World, stem: Path, video: bool) -> None:
+    def __init__(self, world: SimWorld, stem: Path, video: bool) -> None:
         """Take the first pictures, into `<stem>_start.png`; the film, if there is to be one, goes to `<stem>.mp4`."""
         stem.parent.mkdir(parents=True, exist_ok=True)
         self._world, self._stem = world, stem

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.hands.rooms import called, facing, placed, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.ground.robot.protocol import SIDES, Side
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry, load_catalogue
 from mpvi_bt.testing.scene_builder import one_room
 
@@ -60,7 +60,7 @@ def pour_on(table: bool) -> Scene:
         }
         prompt = f"pour the {called(small)} out of the {called(vessel)} into the {called(receiver)}"
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             """Codes: still_in (the vessel), missed (something lies elsewhere), not_held (the vessel was dropped)."""
             if set(names) & set(world.within("vessel")):
                 return "still_in"
@@ -89,7 +89,7 @@ def work_over(sprays: bool) -> Scene:
         marks = _marks(low, high)
         left = np.ones(len(marks), bool)
 
-        def done(world: World) -> str:
+        def done(world: SimWorld) -> str:
             """Codes: uncovered (a part of the top was not gone over), not_held (the tool was dropped)."""
             body = np.stack([s.aabb() for s in world.solids("tool")])
             under = np.array([*body[:, 0].min(0)[:2], *body[:, 1].max(0)[:2]])

@@ -15,7 +15,7 @@ from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import House
-from mpvi_bt.house.sim.world import Placement, World
+from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.testing.full_hands import fill, put_in_hands
 
 Shapes = Literal["tuning", "held_out"]
@@ -48,20 +48,20 @@ class Trial:
     objects: Mapping[str, Placement]
     base: Array
     prompt: str
-    done: Callable[[World], str]
+    done: Callable[[SimWorld], str]
     budget_s: float = 90.0
     held: Mapping[Side, str] = field(default_factory=dict)
     filled: Mapping[str, Sequence[str]] = field(default_factory=dict)
     opened: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
-    def world(self, render: bool, assisted: bool = False, robot: RobotModel = R1) -> World:
+    def world(self, render: bool, assisted: bool = False, robot: RobotModel = R1) -> SimWorld:
         """The scene, settled, with the hands full where they have to be.
 
         Raises:
             BackendError: A thing does not fit into the hand that is to hold it.
             NoRenderingDevice: `render` was asked for on a machine that cannot.
         """
-        world = World(self.house, self.objects, self.base, render=render, assisted=assisted, robot=robot)
+        world = SimWorld(self.house, self.objects, self.base, render=render, assisted=assisted, robot=robot)
         for fixture, bodies in self.opened.items():
             for body, fraction in bodies.items():
                 world.set_opening(fixture, body, fraction)
@@ -95,7 +95,7 @@ class Played:
 
 
 def play(
-    trial: Trial, world: World, policy: Policy, robot: Robot, watching: Sequence[Callable[[], None]] = ()
+    trial: Trial, world: SimWorld, policy: Policy, robot: Robot, watching: Sequence[Callable[[], None]] = ()
 ) -> Played:
     """Play a trial in a bare loop: an observation, a chunk of actions, the steps of the chunk.
 
@@ -125,7 +125,7 @@ def play(
 class _Judge:
     """Says when a trial is over, and what came of it."""
 
-    def __init__(self, trial: Trial, world: World, policy: Policy) -> None:
+    def __init__(self, trial: Trial, world: SimWorld, policy: Policy) -> None:
         self.trial, self.world, self.policy = trial, world, policy
         self.missing = trial.done(world)
         self.since: float | None = None  # when success began

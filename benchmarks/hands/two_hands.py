@@ -13,7 +13,7 @@ from benchmarks.hands.rooms import called, facing, placed
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.house.layout.house import House
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 from mpvi_bt.testing.scene_builder import one_room
 
@@ -33,14 +33,14 @@ def draw_large(rng: np.random.Generator, shapes: Shapes) -> CatalogueEntry:
     return entries[rng.integers(len(entries))]
 
 
-def carried(name: str, rest_m: float) -> Callable[[World], str]:
+def carried(name: str, rest_m: float) -> Callable[[SimWorld], str]:
     """Whether a thing whose underside lay at a height [m] is off everything but the robot.
 
     Codes: not_lifted (its lowest point has risen less than 8 cm), touching (it rests on something), tilted (by more
     than 25 degrees).
     """
 
-    def done(world: World) -> str:
+    def done(world: SimWorld) -> str:
         if lowest(world, name) < rest_m + _LIFTED_M:
             return "not_lifted"
         if any(world.touching(name, other) for other in world.things if other != name):
@@ -52,13 +52,13 @@ def carried(name: str, rest_m: float) -> Callable[[World], str]:
     return done
 
 
-def standing(name: str, rest_m: float, over: tuple[float, float, float, float]) -> Callable[[World], str]:
+def standing(name: str, rest_m: float, over: tuple[float, float, float, float]) -> Callable[[SimWorld], str]:
     """Whether a thing stands upright at a height [m], its middle over a rectangle (x0, y0, x1, y1), and is let go.
 
     Codes: not_down, beside, tilted, held.
     """
 
-    def done(world: World) -> str:
+    def done(world: SimWorld) -> str:
         x, y = world.pose(name)[:2, 3]
         if abs(lowest(world, name) - rest_m) > 0.02:
             return "not_down"
@@ -123,7 +123,7 @@ def hand_over(rng: np.random.Generator, shapes: Shapes) -> Trial:
     base = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi)])
     prompt = f"hand the {called(entry)} over from the {giver} hand to the {taker} hand"
 
-    def done(world: World) -> str:
+    def done(world: SimWorld) -> str:
         """Codes: not_taken (the other hand has not both fingers on it), not_let_go, touching."""
         if "thing" not in world.pinched(taker):
             return "not_taken"

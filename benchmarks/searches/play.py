@@ -19,7 +19,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Progress
 from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.layout.prior_map import prior_map
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
 from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.navigators import explorer
@@ -92,7 +92,7 @@ def play(job: Job) -> Row:
     """Play one search."""
     house, catalogue, grid = _place()
     scene = draw(job.seed, house, catalogue, grid)
-    world = World(house, scene.objects, scene.base_pose)
+    world = SimWorld(house, scene.objects, scene.base_pose)
     world.settle()
     assert world.cameras is not None
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
@@ -136,7 +136,7 @@ def _is_before(target: Entry, pose: Array) -> bool:
     return near and abs(float(wrap(facing_yaw(target, pose[:2]) - pose[2]))) <= handoff.facing_rad
 
 
-def _shortest_m(world: World, scene: Scene, grid_map: OccupancyMap) -> float:
+def _shortest_m(world: SimWorld, scene: Scene, grid_map: OccupancyMap) -> float:
     """The shortest way [m] for the footprint from the start to a pose before the target."""
     boxes = floor_obstacles(world.knowledge())
     grid = traversability(grid_map, FOOTPRINT_M, boxes, (), ClearanceCost(weight=0.0)).escaping(scene.base_pose[:2])

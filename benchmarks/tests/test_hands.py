@@ -26,7 +26,7 @@ from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.protocol import ActionLayout
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing.scene_builder import one_room
 from tests.small_house import placed
 
@@ -51,17 +51,17 @@ class Scripted:
         return self.action(self.steps)[None]
 
 
-def trial(done: Callable[[World], str], budget_s: float = 12.0) -> Trial:
+def trial(done: Callable[[SimWorld], str], budget_s: float = 12.0) -> Trial:
     return Trial(one_room({}), {"can": placed("can_of_soda", 1.0, 0.0)}, np.zeros(3), "pick up the can", done, budget_s)
 
 
-def played(scene: Trial, done_at: int = 10**9, action: Callable[[World, int], Array] | None = None) -> Played:
+def played(scene: Trial, done_at: int = 10**9, action: Callable[[SimWorld, int], Array] | None = None) -> Played:
     world = scene.world(render=False)
     policy = Scripted(lambda k: world.robot.action if action is None else action(world, k), done_at)
     return play(scene, world, policy, world.robot)
 
 
-def turning(world: World, step: int) -> Array:
+def turning(world: SimWorld, step: int) -> Array:
     action = world.robot.action
     action[ActionLayout.BASE] = (0, 0, 0.3 if step % 2 else 0.4)
     return action
@@ -152,7 +152,7 @@ def test_prompts_name_one_thing() -> None:
                 assert len(fits) == 1, f"{skill}/{case} {seed}: {words}"
 
 
-def holding_can(assisted: bool = False) -> tuple[Trial, World]:
+def holding_can(assisted: bool = False) -> tuple[Trial, SimWorld]:
     scene = replace(trial(lambda w: ""), held={"right": "can"})
     return scene, scene.world(render=False, assisted=assisted)
 

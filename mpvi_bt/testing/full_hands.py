@@ -16,7 +16,7 @@ from mpvi_bt.ground.robot.collision import Body, Load, Obstacles
 from mpvi_bt.ground.robot.model import SIGN, RobotModel
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.hands.stance.grasps import grasps
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 
 _CLOSING_S = 1.0
@@ -31,7 +31,7 @@ _PLACES = [
 ]
 
 
-def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
+def put_in_hands(world: SimWorld, held: Mapping[Side, str]) -> None:
     """Have the hands hold things, upright, before the chest.
 
     Raises:
@@ -62,7 +62,7 @@ def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
             raise BackendError(f"{name} fell out of the {side} hand that was to hold it at the start")
 
 
-def fill(world: World, filled: Mapping[str, Sequence[str]]) -> None:
+def fill(world: SimWorld, filled: Mapping[str, Sequence[str]]) -> None:
     """Drop things into vessels, one after the other.
 
     Raises:
@@ -86,7 +86,7 @@ def fill(world: World, filled: Mapping[str, Sequence[str]]) -> None:
 
 
 def _posture(
-    world: World,
+    world: SimWorld,
     T_world_base: Array,
     side: Side,
     name: str,

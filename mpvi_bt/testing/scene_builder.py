@@ -17,7 +17,7 @@ from mpvi_bt.house.layout.house import House, check_house
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
 if TYPE_CHECKING:
-    from mpvi_bt.house.sim.world import Placement, World
+    from mpvi_bt.house.sim.world import Placement, SimWorld
     from mpvi_bt.house.truth.true_scene import TrueScene
 
 HALF_M = 3.0  # half the room's width; our choice: every drive is short
@@ -109,7 +109,7 @@ class SceneBuilder:
         """
         return one_room(self._fixtures)
 
-    def world(self, render: bool = False, settled: bool = True) -> World:
+    def world(self, render: bool = False, settled: bool = True) -> SimWorld:
         """The world, built and come to rest.
 
         Args:
@@ -121,10 +121,10 @@ class SceneBuilder:
             BackendError: A thing does not fit into the hand that is to hold it, or does not stay there.
             NoRenderingDevice: `render` was asked for on a machine that cannot.
         """
-        from mpvi_bt.house.sim.world import World
+        from mpvi_bt.house.sim.world import SimWorld
         from mpvi_bt.testing.full_hands import fill, put_in_hands
 
-        world = World(self.house(), self._placed(), np.array(self._base), render=render, robot=self._robot)
+        world = SimWorld(self.house(), self._placed(), np.array(self._base), render=render, robot=self._robot)
         for (fixture, body), fraction in self._opened.items():
             world.set_opening(fixture, body, fraction)
         put_in_hands(world, self._held)

@@ -28,7 +28,7 @@ from mpvi_bt.house.layout.ground import PASSAGE_M, REACH_M, TWO_HANDS_REACH_M
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.layout.prior_map import prior_map
 from mpvi_bt.house.layout.start_facts import with_all
-from mpvi_bt.house.sim.world import ROBOT, World
+from mpvi_bt.house.sim.world import ROBOT, SimWorld
 from mpvi_bt.house.things.catalogue import Catalogue
 
 # All our choice.
@@ -57,7 +57,7 @@ def begin(
     render: bool = True,
     assisted: bool = False,
     robot: RobotModel = R1,
-) -> tuple[World, Start]:
+) -> tuple[SimWorld, Start]:
     """An instance of a task, settled and checked. The same arguments give the same world.
 
     A start that did is kept in the user's cache, so that the draws before it are not made again. An instance is the
@@ -70,7 +70,7 @@ def begin(
         problem: The task's, with wildcards written out.
         instance: Which of its starts.
         split: Of which instances.
-        render, assisted, robot: As of `World`.
+        render, assisted, robot: As of `SimWorld`.
 
     Raises:
         UserError: :init asks for what cannot be sampled, or a hidden instance is meant and its seed is not known.
@@ -107,7 +107,7 @@ def begin(
     raise BackendError(f"{task.problem}: no start of instance {instance} would do in {DRAWS} draws; the last: {wrong}")
 
 
-def _with_room(robot: RobotModel, start: Start, house: House, world: World) -> Start:
+def _with_room(robot: RobotModel, start: Start, house: House, world: SimWorld) -> Start:
     """The start with a robot that is not round where it fits, the nearest to where it is; the same if that is nowhere.
 
     `world` is that of the start, with another robot.
@@ -129,15 +129,15 @@ def _with_room(robot: RobotModel, start: Start, house: House, world: World) -> S
 
 def settled(
     house: House, start: Start, *, render: bool = True, assisted: bool = False, robot: RobotModel = R1
-) -> tuple[World, list[str]]:
+) -> tuple[SimWorld, list[str]]:
     """The world of a start once everything has come to rest, and the names of what has not within 4 s."""
-    world = World(
+    world = SimWorld(
         house, start.objects, start.base_pose, render=render, assisted=assisted, robot=robot, future=start.future
     )
     return world, come_to_rest(world, start)
 
 
-def come_to_rest(world: World, start: Start) -> list[str]:
+def come_to_rest(world: SimWorld, start: Start) -> list[str]:
     """Open and turn on what is so in a start, let all settle, and tell the names of what has not within 4 s."""
     for name, openings in start.openings.items():
         for body, fraction in openings.items():
@@ -157,7 +157,7 @@ def come_to_rest(world: World, start: Start) -> list[str]:
     return moved
 
 
-def faults(world: World, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
+def faults(world: SimWorld, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
     """Why a settled world will not do as the start of an episode, one line each."""
     truth = truth_in(world, start.scene_names)
     for fact in unmet(problem, truth):
@@ -172,7 +172,7 @@ def faults(world: World, start: Start, house: House, problem: BddlProblem) -> It
     yield from (f"{name} is out of the robot's reach" for name in _out_of_reach(world, start, house, problem))
 
 
-def _out_of_reach(world: World, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
+def _out_of_reach(world: SimWorld, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
     """Things that are too far from wherever the robot can drive to, past all that stands on floors.
 
     What is on or in another movable thing has that carried, so that is what must be near.

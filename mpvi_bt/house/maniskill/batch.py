@@ -25,7 +25,7 @@ from mpvi_bt.house.instances.splits import Split
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.sim.builder import Thing, build_house, build_object
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 
 _MOVED = 1e-4  # [m, rad] and of a quaternion: what moves less looks the same to goals
@@ -88,7 +88,7 @@ class StateLayout:
         self.count, self.robot = count, list(robot)
 
     def standing(self, saved: Sequence[Mapping[str, Any]]) -> BatchState:
-        """How worlds stood when `World.save` told of them, their robots' joints by name under "joints"."""
+        """How worlds stood when `SimWorld.save` told of them, their robots' joints by name under "joints"."""
         poses = [[world["things"][name]["pose"] for name in self.free] for world in saved]
         joints = [[q for name in self.joints for q in world["things"][name]["q"]] for world in saved]
         robots = [[world["joints"][name] for name in self.robot] for world in saved]
@@ -97,7 +97,7 @@ class StateLayout:
         return BatchState(*(v.reshape(len(saved), *shape) for v, shape in zip(values, shapes, strict=True)))
 
 
-class Twin(World):
+class Twin(SimWorld):
     """A house of the core's, on the CPU, that stands as one of many does elsewhere, and whose physics only feel it."""
 
     def follow(self, layout: StateLayout, poses: Floats, joints: Floats, robot: Floats) -> None:
@@ -177,7 +177,7 @@ class Begun:
 
     Attributes:
         start: Where things and robot are before they come to rest.
-        saved: `World.save` once they have, with "joints", each of the robot's joints by its name.
+        saved: `SimWorld.save` once they have, with "joints", each of the robot's joints by its name.
     """
 
     start: Start
@@ -207,6 +207,6 @@ def twin(house: House, began: Begun, robot: str) -> Twin:
 
 
 def furnish(scene: sapien.Scene, house: House, start: Start, visible: bool) -> dict[str, Thing]:
-    """Build house and things in a sub scene, as `World` does: things by name."""
+    """Build house and things in a sub scene, as `SimWorld` does: things by name."""
     things = build_house(scene, house, visible)
     return things | {n: build_object(scene, p.entry, n, p.T_world, visible) for n, p in start.objects.items()}

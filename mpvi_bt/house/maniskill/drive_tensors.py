@@ -1,6 +1,6 @@
 """What the drives of many r1 at once are told, in torch: row by row what `sim.sim_robot.SimRobot` tells those of one.
 
-One environment on the CPU is a batch of one, which a `World`'s robot shares.
+One environment on the CPU is a batch of one, which a `SimWorld`'s robot shares.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ from mpvi_bt.house.sim.cameras import Cameras
 from mpvi_bt.house.sim.shaders import add_lights, renderer, use_light_shaders
 from mpvi_bt.house.sim.sim_robot import SimRobot
 from mpvi_bt.house.sim.views import overview
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 
 _STATE_MODES = ("state", "state_dict")
 _BLIND_MODES = (*_STATE_MODES, "none")
@@ -82,7 +82,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
     agent: BaseAgent
     instances: list[int]
-    worlds: list[World]
+    worlds: list[SimWorld]
     _render_device: sapien.Device | None
     _spec: EnvSpec | None = None
     _twinned = False  # whether the worlds follow what is simulated elsewhere: always so on a GPU
@@ -455,7 +455,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
 def begin_in_maniskill(
     task: str, instance: int, split: Split = "public", *, render: bool = True, assisted: bool = False
-) -> tuple[World, Start]:
+) -> tuple[SimWorld, Start]:
     """An instance of a task in an environment of its own, which its world steps; as of `instances.instances.begin`."""
     env = MpviHouseEnv(
         task=task,

@@ -14,11 +14,11 @@ from mpvi_bt.house.instances.sampling import Start
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.sim.cameras import Cameras
 from mpvi_bt.house.sim.sim_robot import SimRobot
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 
 
-class ManiSkillWorld(World):
-    """A `World` in the scene of a ManiSkill environment, which steps it."""
+class ManiSkillWorld(SimWorld):
+    """A `SimWorld` in the scene of a ManiSkill environment, which steps it."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class ManiSkillWorld(World):
             start: Where things and the robot begin; nothing has moved yet.
             render: Whether pictures can be asked for.
             put_robot: Puts the robot at a pose (3,) x, y [m], yaw [rad], with the world's cameras.
-            assisted: As of `World`.
+            assisted: As of `SimWorld`.
         """
         self._put = put_robot
         super().__init__(house, start.objects, start.base_pose, render=render, assisted=assisted, scene=scene)

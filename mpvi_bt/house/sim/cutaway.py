@@ -9,14 +9,14 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.layout.rooms import Wall
 from mpvi_bt.house.sim.builder import show
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.description import Part
 
 _SOLID = 0.25  # of a near wall's color is seen. Our choice: it is there, and does not hide
 _LEVEL_M = 0.3  # so near the edge of a room a panel bounds it
 
 
-def cutaway(world: World, T_world_camera: Array, size: tuple[int, int], fov_rad: float) -> np.ndarray:
+def cutaway(world: SimWorld, T_world_camera: Array, size: tuple[int, int], fov_rad: float) -> np.ndarray:
     """A picture from the south, (height, width, 3) bytes; the world's own walls are gone afterwards.
 
     Args:
@@ -49,7 +49,7 @@ def is_near(wall: Wall, house: House) -> bool:
     return any(abs(y - y0) < _LEVEL_M and low[0] < x1 and x0 < high[0] for x0, y0, x1, _ in rooms)
 
 
-def _add(world: World, walls: list[Wall]) -> None:
+def _add(world: SimWorld, walls: list[Wall]) -> None:
     entity = sapien.Entity()
     show(entity, [Part(wall.solid, wall.color) for wall in walls])
     world.scene.add_entity(entity)

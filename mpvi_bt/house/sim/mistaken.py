@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.house.sim.noise import StandingError
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.description import Handle
 
 
@@ -28,7 +28,7 @@ class MistakenTruth:
     is where it is.
     """
 
-    def __init__(self, world: World, deviation_m: float, seed: int) -> None:
+    def __init__(self, world: SimWorld, deviation_m: float, seed: int) -> None:
         """Shift things by errors of a standard deviation along x and along y [m]; heights are true."""
         self._world = world
         self._errors = {

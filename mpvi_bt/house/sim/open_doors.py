@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.house.layout.prior_map import marked
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 
 _STEPS = 20  # of a joint's way; a door that has moved by less stands where it stood
 _SHUT = 1  # step up to which the map's closed front stands for a door
@@ -13,7 +13,7 @@ _SHUT = 1  # step up to which the map's closed front stands for a door
 class OpenDoors:
     """Called for the map of now, for navigators that know by simulator truth; the same object while no door moves."""
 
-    def __init__(self, grid_map: OccupancyMap, world: World) -> None:
+    def __init__(self, grid_map: OccupancyMap, world: SimWorld) -> None:
         """Mark the open doors of `world` in `grid_map`, in which all are closed."""
         self._closed, self._world = grid_map, world
         self._jointed = [e.name for e in world.knowledge() if e.kind == "fixture" and world.joint_fractions(e.name)]

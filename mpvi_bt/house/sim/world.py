@@ -43,7 +43,7 @@ from mpvi_bt.house.sim.whereabouts import Whereabouts
 from mpvi_bt.house.things.catalogue import SUBSTANCE, CatalogueEntry
 from mpvi_bt.house.things.description import Handle
 
-ROBOT = "robot"  # among the names of `World.contacts`
+ROBOT = "robot"  # among the names of `SimWorld.contacts`
 OVEN_C = 200.0  # Our choice: what is as hot when it is on, and acts on dough, bakes it
 GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn
 
@@ -61,7 +61,7 @@ class Placement:
     T_world: Array
 
 
-class World(StepClock):
+class SimWorld(StepClock):
     """A house in SAPIEN with a robot in it; also the `WorldState` that goals are judged by, and the expert's `Truth`.
 
     Attributes:

@@ -14,14 +14,16 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.executive.remote.remote_world import RemoteWorld
-    from mpvi_bt.house.sim.world import World
+    from mpvi_bt.house.sim.world import SimWorld
     from mpvi_bt.runs.choices.language_models import Models
 
 Vocabulary = Mapping[str, Iterable[str]]  # label of a thing to what people call it
 _MOST_STEPS = 10**6
 
 
-def make_checker(given: str, world: World | RemoteWorld, vocabulary: Vocabulary, seed: int, models: Models) -> Checker:
+def make_checker(
+    given: str, world: SimWorld | RemoteWorld, vocabulary: Vocabulary, seed: int, models: Models
+) -> Checker:
     """The checker of a name.
 
     Args:
@@ -66,20 +68,20 @@ def doubt(config: EpisodeConfig) -> str:
     return f"{name} {CheckErrors.read(choice.address, name)}"
 
 
-def visual(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+def visual(world: SimWorld | RemoteWorld, vocabulary: Vocabulary) -> Checker:
     """By what one picture shows."""
     from mpvi_bt.finding.perception.visual_checker import VisualChecker
 
     return VisualChecker(vocabulary, robot=world.robot.model)
 
 
-def oracle(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+def oracle(world: SimWorld | RemoteWorld, vocabulary: Vocabulary) -> Checker:
     """By the simulator's state. Raises UserError where there is no simulator."""
     from mpvi_bt.executive.completion.oracle import OracleChecker
-    from mpvi_bt.house.sim.world import World
+    from mpvi_bt.house.sim.world import SimWorld
     from mpvi_bt.runs.choices.world_truth import TrueState
 
-    if not isinstance(world, World):
+    if not isinstance(world, SimWorld):
         raise UserError("checker oracle reads the simulator itself, and there is none here.")
     return OracleChecker(TrueState(world), vocabulary)
 

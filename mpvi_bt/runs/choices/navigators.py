@@ -23,7 +23,7 @@ from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.layout.prior_map import knowledge as prior_knowledge
 from mpvi_bt.house.layout.prior_map import prior_map
 from mpvi_bt.house.sim.open_doors import OpenDoors
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.runs.choices.backends import choose
 
 _ABOUT_M = 0.06  # the robot itself reaches that far around each circle of arms that reach out farther,
@@ -31,7 +31,7 @@ _BEHIND_M = 0.12  # and around what they carry, whose back may never have been s
 
 
 def make_navigator(
-    chosen: str, map_: str, world: World, house: House, phrases: Iterable[str], detector: Detector, seed: int = 0
+    chosen: str, map_: str, world: SimWorld, house: House, phrases: Iterable[str], detector: Detector, seed: int = 0
 ) -> KnownPlaceNavigator:
     """The navigator of a run.
 
@@ -46,7 +46,7 @@ def make_navigator(
     return explorer(world, house, phrases, detector, map_, seed)
 
 
-def who_drives(given: str, ours: KnownPlaceNavigator, world: World | RemoteWorld, seed: int) -> Navigator:
+def who_drives(given: str, ours: KnownPlaceNavigator, world: SimWorld | RemoteWorld, seed: int) -> Navigator:
     """The navigator of a name, such as "my_navigator:Mine"; `ours`, which it may hand drives to, is "grid".
 
     Raises:
@@ -61,7 +61,7 @@ def who_drives(given: str, ours: KnownPlaceNavigator, world: World | RemoteWorld
 
 
 def explorer(
-    world: World | RemoteWorld,
+    world: SimWorld | RemoteWorld,
     house: House | None,
     phrases: Iterable[str],
     detector: Detector,

@@ -14,7 +14,7 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.house.instances.sampling import Start
-    from mpvi_bt.house.sim.world import World
+    from mpvi_bt.house.sim.world import SimWorld
 
 _MANISKILL = "mpvi_bt.house.maniskill.env"  # stands above this part, which knows but its name
 
@@ -31,9 +31,9 @@ def check_simulator_choice(config: EpisodeConfig) -> None:
         raise UserError(f"--robot {config.robot}: --demonstration records with {able} only.")
 
 
-def begin_elsewhere(config: EpisodeConfig, render: bool) -> tuple[World, Start]:
+def begin_elsewhere(config: EpisodeConfig, render: bool) -> tuple[SimWorld, Start]:
     """The start of an episode in ManiSkill's scene: as of `instances.begin`, but that steps are the environment's."""
-    begun: tuple[World, Start] = importlib.import_module(_MANISKILL).begin_in_maniskill(
+    begun: tuple[SimWorld, Start] = importlib.import_module(_MANISKILL).begin_in_maniskill(
         config.task, config.instance, config.split, render=render, assisted=config.assisted
     )
     return begun

@@ -14,7 +14,7 @@ from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.house.goals.predicates import BINARY, UNARY, resting_on
 
 if TYPE_CHECKING:
-    from mpvi_bt.house.sim.world import World as SimulatedWorld
+    from mpvi_bt.house.sim.world import SimWorld as SimulatedWorld
 
 _AT_M = HandoffDistances().distance_m + HandoffDistances().slack_m  # as far as a base stops that was sent to a thing
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {

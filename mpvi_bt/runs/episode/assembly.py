@@ -18,7 +18,7 @@ from mpvi_bt.finding.scene.seen import Standing
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.house.layout.house import House
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.runs.choices.backends import NOBODY
 from mpvi_bt.runs.choices.checkers import make_checker, make_triggers
 from mpvi_bt.runs.choices.config import EpisodeConfig
@@ -61,7 +61,7 @@ def assemble(
     config: EpisodeConfig,
     prepared: Prepared,
     tree: Tree,
-    world: World | RemoteWorld,
+    world: SimWorld | RemoteWorld,
     vocabulary: Mapping[str, Iterable[str]],
     house: House | None = None,
     make: Callable[[PolicyInputs], Policy] | None = None,
@@ -85,10 +85,10 @@ def assemble(
     detector = make_detector(config.detector, vocabulary, config.seed)
     seeing = None if detector.name in _LABELS else detector
     told = demonstrations() if config.planner == NOBODY else None
-    truth = world if isinstance(world, World) else None
+    truth = world if isinstance(world, SimWorld) else None
     task = prepared.task.problem if prepared.task else prepared.spec.name
     relevant = task_relevant(tree.spec, skills)
-    if isinstance(world, World) and house is not None:
+    if isinstance(world, SimWorld) and house is not None:
         navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
     else:
         navigator = explorer(world, None, relevant, detector, config.map, config.seed)
@@ -144,7 +144,7 @@ def _replanning(
     config: EpisodeConfig,
     tree: Tree,
     context: Context,
-    world: World | RemoteWorld,
+    world: SimWorld | RemoteWorld,
     navigator: KnownPlaceNavigator,
 ) -> Replanner:
     """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
@@ -160,7 +160,7 @@ def _replanning(
         late_s=latency_of(config, "planner", answers=1),  # the first is the plan itself
     )
     if not isinstance(navigator, ExploringNavigator):
-        assert isinstance(world, World)
+        assert isinstance(world, SimWorld)
         return replanning(seen=lambda: things(world.knowledge()))
     discoveries = navigator.lookout.discoveries
 

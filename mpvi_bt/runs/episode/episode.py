@@ -29,7 +29,7 @@ from mpvi_bt.house.instances.sampling import Start
 from mpvi_bt.house.instances.tasks import Task
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import prior_map
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.runs.choices.backends import choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
@@ -56,7 +56,7 @@ def run(
     subscribers: Sequence[Subscriber] = (),
     prepared: Prepared | None = None,
     stop: Stop | None = None,
-    begun: tuple[World, Start] | None = None,
+    begun: tuple[SimWorld, Start] | None = None,
     make: Callable[[PolicyInputs], Policy] | None = None,
 ) -> dict[str, Any]:
     """Run one episode.
@@ -181,7 +181,7 @@ def _shares(policy: Policy) -> dict[str, PolicyShare]:
     return {name: PolicyShare(prompts=prompts.get(name, 0), steps=n) for name, n in steps.items()}
 
 
-def _places(world: World) -> dict[str, list[float]]:
+def _places(world: SimWorld) -> dict[str, list[float]]:
     """Where each movable thing is, x and y in the world [m], to whole centimetres."""
     return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
 
@@ -202,7 +202,11 @@ def _demonstration(config: EpisodeConfig, task: Task) -> list[DemonstrationRecor
 
 
 def _recorders(
-    config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator, saved: SavedEpisode | None
+    config: EpisodeConfig,
+    grid: OccupancyMap,
+    world: SimWorld,
+    navigator: KnownPlaceNavigator,
+    saved: SavedEpisode | None,
 ) -> list[Subscriber]:
     recorders: list[Subscriber] = []
     search = navigator if isinstance(navigator, ExploringNavigator) else None

@@ -33,7 +33,7 @@ from mpvi_bt.house.instances.human import Human, human_stats
 from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import Task, load_task
 from mpvi_bt.house.layout.house import load_house
-from mpvi_bt.house.sim.world import World
+from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.runs.episode.assembly import floors
 from mpvi_bt.runs.episode.metrics import Meter, ratio
@@ -220,7 +220,9 @@ def _result(session: Evaluation, instance: int, goal: GoalReport, measured: Any,
 class _Writer:
     """Makes the observations of a world."""
 
-    def __init__(self, session: Evaluation, task: Task, world: World, vocabulary: Mapping[str, Iterable[str]]) -> None:
+    def __init__(
+        self, session: Evaluation, task: Task, world: SimWorld, vocabulary: Mapping[str, Iterable[str]]
+    ) -> None:
         self._session, self._task, self._world = session, task, world
         self._vocabulary: Mapping[str, Iterable[str]] | None = vocabulary
         human = human_stats().get(task.problem)
