@@ -14,7 +14,7 @@ from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout
 from mpvi_bt.hands.motion.carry import back_off, settle, step_back
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.policies.looking import look_from_elsewhere
+from mpvi_bt.hands.policies.visual_search import look_from_elsewhere
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene

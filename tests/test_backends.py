@@ -11,7 +11,7 @@ from typing import Any
 import click
 import pytest
 
-from mpvi_bt.apps.cli.given import BackendType
+from mpvi_bt.apps.cli.argument_types import BackendType
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.executive.remote.briefing import briefed, check_robot
 from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, Observation, load_settings
 from mpvi_bt.executive.remote.prompts import prompt_of, read_prompts
+from mpvi_bt.executive.remote.task_settings import check_robot, with_task
 from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of, resize_with_crop
 from mpvi_bt.ground.errors import FileProblems, PolicyError, UnknownName, UserError
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
@@ -37,7 +37,7 @@ def picture_of(camera: str, height: int = 48, width: int = 64) -> CameraImage:
 
 def sent(name: str, felt: Proprioception | None = None) -> dict[str, Any]:
     """What a server of a preset is sent in an episode of `TASK`."""
-    layout = briefed(load_settings(name), TASK, NUMBER).observation
+    layout = with_task(load_settings(name), TASK, NUMBER).observation
     assert layout is not None
     images = {camera: picture_of(camera) for camera in CAMERAS}
     return message_of(
@@ -207,7 +207,7 @@ def test_a_whole_tasks_prompt_is_sent_for_every_subtask(tmp_path: Path) -> None:
     entries = {TASK: {"task_index": 1, "task": "Throw the cans away.", "skill": ["move to"]}, "mine": "Do it."}
     settings = with_prompts(tmp_path, json.dumps(entries))
     for task, prompt in ((TASK, "Throw the cans away."), ("mine", "Do it.")):
-        layout = briefed(settings, task, None).observation
+        layout = with_task(settings, task, None).observation
         assert layout is not None
         message = message_of({"prompt": "pick up the can", "proprioception": numbered_body(), "images": {}}, layout)
         assert message == {"prompt": prompt}
@@ -243,17 +243,17 @@ def test_a_task_without_a_prompt_gets_the_nearest(tmp_path: Path) -> None:
         prompt_of("picking_up_thrash", file)
     settings = with_prompts(tmp_path, file.read_text())
     with pytest.raises(UserError, match="name a task"):
-        briefed(settings, None, None)
+        with_task(settings, None, None)
 
 
 def test_a_task_without_a_number_is_refused() -> None:
     """Settings that send one say what to write instead; those that send none do not mind."""
     settings = load_settings("behavior_2025")
     with pytest.raises(UserError, match=r"no number for the task 'tidying_my_desk'.*constants.*task_id: \[0\]"):
-        briefed(settings, "tidying_my_desk", None)
+        with_task(settings, "tidying_my_desk", None)
     with pytest.raises(UserError, match="no task is named"):
-        briefed(settings, None, None)
-    assert briefed(load_settings("openpi_comet"), None, None) == load_settings("openpi_comet")
+        with_task(settings, None, None)
+    assert with_task(load_settings("openpi_comet"), None, None) == load_settings("openpi_comet")
 
 
 def test_the_number_is_that_of_the_episodes_task(tmp_path: Path) -> None:

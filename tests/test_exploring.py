@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
+from mpvi_bt.finding.navigation.camera_mapper import CameraMapper
 from mpvi_bt.finding.navigation.exploring import ExploringNavigator
 from mpvi_bt.finding.navigation.goals import HandoffDistances, distance_to
-from mpvi_bt.finding.navigation.lookout import Lookout
 from mpvi_bt.finding.perception.detector import Detection, Detector, GuardedDetector
 from mpvi_bt.finding.scene.discovery import Discoveries
 from mpvi_bt.finding.scene.occupancy import Occupancy
@@ -106,8 +106,8 @@ def exploring(
     base = KnowledgeBase({entry.name: entry for entry in known})
     discoveries = Discoveries(base, phrases, detector, robot)
     view = VisibilityMap(occupancy.map)
-    lookout = Lookout(robot, robot, occupancy, view, discoveries, lambda: [(*robot.pose[:2], 0.3)])
-    return ExploringNavigator(robot, base, lookout)
+    mapper = CameraMapper(robot, robot, occupancy, view, discoveries, lambda: [(*robot.pose[:2], 0.3)])
+    return ExploringNavigator(robot, base, mapper)
 
 
 def play(
@@ -405,8 +405,8 @@ def test_a_detector_that_fails_finds_nothing_and_stops_nothing() -> None:
     navigator = exploring(robot, GuardedDetector(Failing()), grid_map)
     report, _ = play(robot, navigator, "cup")
     assert report.reason == "not_found"
-    discoveries = navigator.lookout.discoveries
-    assert discoveries.errors == navigator.lookout.pictures
+    discoveries = navigator.mapper.discoveries
+    assert discoveries.errors == navigator.mapper.pictures
     assert isinstance(discoveries.last_error, DetectorError)
     assert "ZeroDivisionError" in report.feedback
 
@@ -421,8 +421,8 @@ def test_what_was_learned_survives_a_stop() -> None:
     later = Seeing(1.0, 2.0, 3.0, boxes)
     other = exploring(later, BoxDetector(CUP), None)
     other.restore(saved)
-    assert np.array_equal(other.lookout.occupancy.map.occupied, navigator.lookout.occupancy.map.occupied)
-    assert np.array_equal(other.lookout.visibility.seen, navigator.lookout.visibility.seen)
+    assert np.array_equal(other.mapper.occupancy.map.occupied, navigator.mapper.occupancy.map.occupied)
+    assert np.array_equal(other.mapper.visibility.seen, navigator.mapper.visibility.seen)
     assert play(later, other, "cup")[0].progress is Progress.SUCCEEDED
     assert later.time_s < 25.0
     for spoilt in ({**saved, "seen": "AAAA"}, {**saved, "known": 3}, {}):

@@ -201,7 +201,7 @@ def test_two_hands_are_refused() -> None:
     """A tree with a skill of both hands is not for it."""
     from mpvi_bt.executive.plan.skills import load_skills
     from mpvi_bt.executive.tree.compile import compile_instruction
-    from mpvi_bt.runs.episode.doers import check_hands
+    from mpvi_bt.runs.episode.capability_checks import check_hands
 
     spec = compile_instruction("both", "lift the box with both hands")
     with pytest.raises(UserError, match=r"takes two hands \(skill lift\); fetch has one"):

@@ -160,14 +160,14 @@ def test_an_arm_that_is_held_out_is_no_obstacle_on_the_way() -> None:
     hand = r1.R1.tcp(r1.TRAVEL_TORSO, robot.proprioception().arm["right"], "right")[:3, 3]
     assert np.linalg.norm(hand[:2]) > 0.55
     world = SimpleNamespace(robot=robot, time_s=0.0, steps=0)
-    lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
+    mapper = explorer(world, None, ("cup",), SegmentationDetector({}), "online").mapper  # type: ignore[arg-type]
     image = robot.look("head")
-    assert lookout.occupancy.update(image)
-    solid = int(lookout.solid.sum())
+    assert mapper.occupancy.update(image)
+    solid = int(mapper.solid.sum())
     assert solid > 0
-    lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
-    lookout.look()
-    assert not lookout.solid.any()
+    mapper = explorer(world, None, ("cup",), SegmentationDetector({}), "online").mapper  # type: ignore[arg-type]
+    mapper.look()
+    assert not mapper.solid.any()
 
 
 def test_the_back_of_what_is_carried_is_no_obstacle_on_the_way() -> None:
@@ -176,14 +176,14 @@ def test_the_back_of_what_is_carried_is_no_obstacle_on_the_way() -> None:
     crate: Box = ((0.45, -0.24, 0.5), (0.95, 0.24, 0.7))
     robot.look = lambda camera: picture((0.0, 0.0, 0.0), [crate])  # type: ignore[method-assign]
     world = SimpleNamespace(robot=robot, time_s=0.0, steps=0)
-    lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
+    mapper = explorer(world, None, ("cup",), SegmentationDetector({}), "online").mapper  # type: ignore[arg-type]
     seen = thing("crate", (0.66, 0.0, 0.6), (0.42, 0.42, 0.2), held=True)
-    lookout.discoveries.knowledge.put(seen)
-    lookout.look()
-    assert not lookout.solid.any()
+    mapper.discoveries.knowledge.put(seen)
+    mapper.look()
+    assert not mapper.solid.any()
     seen.held = False
-    lookout.look()
-    assert lookout.solid.any()
+    mapper.look()
+    assert mapper.solid.any()
 
 
 def test_with_what_is_taken_from_the_floor_its_place_becomes_free() -> None:
@@ -193,9 +193,9 @@ def test_with_what_is_taken_from_the_floor_its_place_becomes_free() -> None:
         crate: Box = ((1.5, -0.2, floor), (1.9, 0.2, floor + 0.3))
         robot.look = lambda camera, crate=crate: picture((0.0, 0.0, 0.0), [crate])  # type: ignore[method-assign, misc]
         world = SimpleNamespace(robot=robot, time_s=0.0, steps=0)
-        lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
-        lookout.look()
-        assert lookout.solid.any()
-        lookout.discoveries.feel = lambda body, crate=crate: [np.array(crate)]  # type: ignore[method-assign, misc]
-        lookout.feel()
-        assert lookout.solid.any() != free
+        mapper = explorer(world, None, ("cup",), SegmentationDetector({}), "online").mapper  # type: ignore[arg-type]
+        mapper.look()
+        assert mapper.solid.any()
+        mapper.discoveries.feel = lambda body, crate=crate: [np.array(crate)]  # type: ignore[method-assign, misc]
+        mapper.feel()
+        assert mapper.solid.any() != free

@@ -18,7 +18,7 @@ from mpvi_bt.ground.errors import UserError
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.report.figures import figures
 from mpvi_bt.runs.report.latex import plain, report_latex
-from mpvi_bt.runs.report.several import SuiteFolder, notes, together
+from mpvi_bt.runs.report.suite_folders import SuiteFolder, notes, together
 from mpvi_bt.runs.report.tables import method_note
 from mpvi_bt.runs.suite.manifest import make_manifest
 from mpvi_bt.runs.suite.store import Store

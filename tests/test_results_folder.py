@@ -11,8 +11,8 @@ import pytest
 from mpvi_bt.apps.cli.group import run
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.runs.choices.config import EpisodeConfig
-from mpvi_bt.runs.report.several import SuiteFolder
-from mpvi_bt.runs.report.told import Told
+from mpvi_bt.runs.report.suite_folders import SuiteFolder
+from mpvi_bt.runs.report.suite_report import SuiteReport
 from mpvi_bt.runs.suite.manifest import FILE, make_manifest
 from mpvi_bt.runs.suite.runner import run_suite
 from mpvi_bt.runs.suite.store import Store
@@ -151,7 +151,7 @@ def test_a_report_needs_no_part_that_took_part() -> None:
         file.write_text(json.dumps(data))
     part = SuiteFolder.named("mine")
     assert len(part.results) == 3
-    assert Told.of([part]).figures.methods[0].privileged == ["policy:expert"]
+    assert SuiteReport.of([part]).figures.methods[0].privileged == ["policy:expert"]
 
 
 def test_what_a_unit_or_stand_ins_are_made_of_is_told_when_it_changes(tmp_path: Path, log: Path) -> None:

@@ -100,9 +100,9 @@ def test_a_detector_that_answers_nonsense_finds_nothing_and_stops_nothing(
     navigator = exploring(robot, GuardedDetector(Answering(answer)), grid_map)
     failure = failure_of(navigator, robot)
     assert failure.reason == "not_found"
-    assert f"the detector failed on {navigator.lookout.pictures}" in failure.evidence
-    assert navigator.lookout.discoveries.last_error is not None
-    assert navigator.lookout.discoveries.last_error.reason == reason
+    assert f"the detector failed on {navigator.mapper.pictures}" in failure.evidence
+    assert navigator.mapper.discoveries.last_error is not None
+    assert navigator.mapper.discoveries.last_error.reason == reason
     assert navigator.search.coverage()[0] > 0.9
 
 
@@ -129,7 +129,7 @@ def test_a_detector_that_hangs_costs_a_bounded_time() -> None:
     failure = failure_of(navigator, robot)
     free.set()
     assert failure.reason == "not_found"
-    assert f"the detector failed on {navigator.lookout.pictures}" in failure.evidence
+    assert f"the detector failed on {navigator.mapper.pictures}" in failure.evidence
     assert "has not come back" in failure.evidence
     assert detector.asked == 1
     assert waited < 5.0, "0.3 s and what a busy machine adds, not 0.3 s a picture"

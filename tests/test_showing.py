@@ -15,8 +15,8 @@ from mpvi_bt.ground.robot.motion import Motion
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.hands.motion.gaze import look_into
 from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.policies.result_views import done_at, fell_beside, step_up, views
 from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
-from mpvi_bt.hands.policies.showing import done_at, fell_beside, step_up, views
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands

@@ -19,7 +19,7 @@ from mpvi_bt.executive.tree.yaml_io import check_tree
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.runs.choices.config import EpisodeConfig
-from mpvi_bt.runs.episode import doers
+from mpvi_bt.runs.episode import capability_checks
 
 SKILLS = load_skills()
 PHRASES = [(skill.name, phrase) for skill in SKILLS.values() for phrase in skill.phrases]
@@ -169,10 +169,10 @@ def test_a_skill_that_nobody_can_do_is_told(tmp_path: Path, monkeypatch: pytest.
     data = {"tree": "t", "root": {"manipulate": "pick up the cup and wave at the vase"}}
     spec = check_tree(data, SourceMarks("t.yaml"), skills)
     for policy, told in (("expert", True), ("reactive", True), ("openpi:ws://localhost:1", False)):
-        doubt = doers.doubt(EpisodeConfig("", policy=policy), spec, skills)
+        doubt = capability_checks.doubt(EpisodeConfig("", policy=policy), spec, skills)
         assert ("does not know how to do 'wave_at'" in doubt) is told
     assert (
-        doers.doubt(
+        capability_checks.doubt(
             EpisodeConfig(""), check_tree({**data, "root": {"say": "hi"}}, SourceMarks("t.yaml"), skills), skills
         )
         == ""

@@ -17,7 +17,7 @@ from mpvi_bt.ground.robot.protocol import ActionLayout, CameraImage, Propriocept
 from mpvi_bt.hands.motion.approach import close_in
 from mpvi_bt.hands.motion.gaze import studied, study
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.policies.looking import look_from_elsewhere
+from mpvi_bt.hands.policies.visual_search import look_from_elsewhere
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1pro import R1PRO

@@ -123,7 +123,7 @@ def play(job: Job) -> Row:
     reason = "" if said and there else (report.reason or ("not_there" if said else "time_limit"))
     return Row(
         job, scene.objects[scene.target].entry.name, scene.room, scene.on, scene.hidden, said and there, reason,
-        report.feedback, round(path, 2), round(shortest, 2), round(world.time_s, 1), navigator.lookout.pictures,
+        report.feedback, round(path, 2), round(shortest, 2), round(world.time_s, 1), navigator.mapper.pictures,
         round(bumps.worst, 1), max(bumps.forces, key=lambda n: bumps.forces[n], default=""),
         {key: round(seconds, 3) for key, seconds in wall.items()},
     )  # fmt: skip

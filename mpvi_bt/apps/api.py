@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mpvi_bt.house.instances.tasks import Task
     from mpvi_bt.runs.choices.setting_keywords import EpisodeKeywords, SuiteKeywords
     from mpvi_bt.runs.episode.result import Result
-    from mpvi_bt.runs.report.told import Told
+    from mpvi_bt.runs.report.suite_report import SuiteReport
 
 File = str | PathLike[str]
 _LOG = logging.getLogger("mpvi_bt")
@@ -204,7 +204,7 @@ def run_suite(
     workers: int | None = None,
     progress: bool = True,
     **settings: Unpack[SuiteKeywords],
-) -> Told:
+) -> SuiteReport:
     """Run the episodes of a suite that have no result yet, as `mpvi suite run` does.
 
     Workers are processes that load the calling script anew: call this below `if __name__ == "__main__":`.
@@ -229,8 +229,8 @@ def run_suite(
         FileProblems: Everything that is wrong with a file, or with `settings`.
         BackendError: Every episode would break alike.
     """
-    from mpvi_bt.runs.report.several import SuiteFolder
-    from mpvi_bt.runs.report.told import Told
+    from mpvi_bt.runs.report.suite_folders import SuiteFolder
+    from mpvi_bt.runs.report.suite_report import SuiteReport
     from mpvi_bt.runs.suite.play import Where, play
     from mpvi_bt.runs.suite.progress import SuiteProgress
     from mpvi_bt.runs.suite.store import RUNS, Store
@@ -252,7 +252,7 @@ def run_suite(
         where=Where(workers=workers),
         about=loaded.about,
     )
-    return Told.of([SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)])
+    return SuiteReport.of([SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)])
 
 
 def _asked(

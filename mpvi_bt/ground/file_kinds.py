@@ -60,7 +60,7 @@ KINDS = (
         "skills",
         "a folder skills/ in MPVI_PATH",
         "mpvi_bt.executive.plan.skills:check_skill",
-        "mpvi_bt.runs.episode.doers:lint_skill",
+        "mpvi_bt.runs.episode.capability_checks:lint_skill",
     ),
     FileKind(
         "a house",

@@ -8,7 +8,7 @@ from collections import Counter
 import click
 
 from mpvi_bt.apps.cli import problems as show
-from mpvi_bt.apps.cli.given import File
+from mpvi_bt.apps.cli.argument_types import File
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS
 

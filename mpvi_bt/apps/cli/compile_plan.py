@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mpvi_bt.apps.cli.given import File
+from mpvi_bt.apps.cli.argument_types import File
 from mpvi_bt.apps.cli.setting_options import settings
 from mpvi_bt.executive.drawing.terminal import give, tell
 from mpvi_bt.ground import paths

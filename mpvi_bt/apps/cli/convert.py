@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from mpvi_bt.apps.cli.given import File
+from mpvi_bt.apps.cli.argument_types import File
 from mpvi_bt.executive.drawing.terminal import give, tell
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import Problem, UserError

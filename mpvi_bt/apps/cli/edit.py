@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
-from mpvi_bt.apps.cli.given import serve as serving
+from mpvi_bt.apps.cli.argument_types import serve as serving
 from mpvi_bt.apps.cli.watch import require_server
 from mpvi_bt.apps.watch.address import Address
 from mpvi_bt.ground.errors import UserError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mpvi_bt.apps.cli.given import Name, check_writable, out_folder
+from mpvi_bt.apps.cli.argument_types import Name, check_writable, out_folder
 from mpvi_bt.apps.cli.status import Status
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ

@@ -13,7 +13,7 @@ import click
 
 from mpvi_bt.apps.authoring.checking import STDIN, below
 from mpvi_bt.apps.cli import problems as show
-from mpvi_bt.apps.cli.given import File
+from mpvi_bt.apps.cli.argument_types import File
 from mpvi_bt.executive.drawing.terminal import give, tell
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError, with_article
 from mpvi_bt.ground.file_kinds import kind_of

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
-from mpvi_bt.apps.cli.given import check_writable, out_folder
-from mpvi_bt.apps.cli.given import serve as serving
+from mpvi_bt.apps.cli.argument_types import check_writable, out_folder
+from mpvi_bt.apps.cli.argument_types import serve as serving
 from mpvi_bt.executive.drawing.terminal import results
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.standard_streams import stdout_given_back

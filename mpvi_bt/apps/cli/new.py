@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from mpvi_bt.apps.cli.given import File, Finite
+from mpvi_bt.apps.cli.argument_types import File, Finite
 from mpvi_bt.executive.drawing.terminal import tell
 
 if TYPE_CHECKING:

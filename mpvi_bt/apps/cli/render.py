@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from mpvi_bt.apps.cli.given import File, arguments, complete_param
+from mpvi_bt.apps.cli.argument_types import File, arguments, complete_param
 from mpvi_bt.executive.drawing.cells import WIDEST, WIDTH
 from mpvi_bt.executive.drawing.terminal import give, results, size
 from mpvi_bt.ground import paths

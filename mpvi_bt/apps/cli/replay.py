@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from mpvi_bt.apps.cli.given import File
+from mpvi_bt.apps.cli.argument_types import File
 from mpvi_bt.executive.drawing.cells import WIDEST, WIDTH, cut, one_line
 from mpvi_bt.executive.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.executive.drawing.symbols import legend

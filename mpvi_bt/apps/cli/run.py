@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
-from mpvi_bt.apps.cli.given import File, Name, arguments, check_writable, complete_path, given_here, out_folder, serve
+from mpvi_bt.apps.cli.argument_types import (
+    File,
+    Name,
+    arguments,
+    check_writable,
+    complete_path,
+    given_here,
+    out_folder,
+    serve,
+)
 from mpvi_bt.apps.cli.score import brief_score, score
 from mpvi_bt.apps.cli.setting_options import settings, shared
 from mpvi_bt.executive.drawing.terminal import results, tell
@@ -136,11 +145,11 @@ def run(
             config.saved.unlink(missing_ok=True)  # that it went on from: it has come to its end
         return code
     except NodeError as error:
-        from mpvi_bt.runs.episode.brief import brief
+        from mpvi_bt.runs.episode.unscored_result import unscored_result
 
         click.echo(f"mpvi: {error}", err=True)
         broken = {"node": error.path, "message": error.message, "place": error.place}
-        _tell({**brief(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
+        _tell({**unscored_result(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
         return error.exit_code
     finally:
         if page is not None:
@@ -251,8 +260,8 @@ def _episode(
 def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, as_json: bool) -> int:
     """Run without robot and simulator, and print how it went."""
     from mpvi_bt.executive.ticking.dry import LIMIT_S, EmptyWorld, dry_tree, run_dry
-    from mpvi_bt.runs.episode.brief import brief
     from mpvi_bt.runs.episode.saved_episode import Keeper
+    from mpvi_bt.runs.episode.unscored_result import unscored_result
     from mpvi_bt.runs.recording.recorder import Recorder
 
     tree = dry_tree(prepared.spec, prepared.rules)
@@ -270,7 +279,7 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
         outcome = run_dry(
             tree, prepared.skills, watchers, budget_s, keeper, world, saved, prepared.planner, config.drive
         )
-    result = brief(config, prepared, outcome)
+    result = unscored_result(config, prepared, outcome)
     _tell(result, config, True, as_json)
     return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
 

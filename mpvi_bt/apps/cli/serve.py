@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from mpvi_bt.apps.cli.given import BackendType, Name, arguments, check_writable, complete_param, given_here, out_folder
+from mpvi_bt.apps.cli.argument_types import (
+    BackendType,
+    Name,
+    arguments,
+    check_writable,
+    complete_param,
+    given_here,
+    out_folder,
+)
 from mpvi_bt.apps.cli.setting_options import method, settings
 from mpvi_bt.apps.cli.status import Status
 from mpvi_bt.executive.drawing.terminal import tell

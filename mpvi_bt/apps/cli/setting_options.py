@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 import click
 from click.shell_completion import CompletionItem
 
-from mpvi_bt.apps.cli.given import BackendType, File, Finite, Name, Written, complete_param
+from mpvi_bt.apps.cli.argument_types import BackendType, File, Finite, Name, Written, complete_param
 from mpvi_bt.ground.errors import UnknownName, UserError, shown
 from mpvi_bt.runs.choices.backends import BACKENDS
 from mpvi_bt.runs.choices.config import METHOD, SETTINGS, SHARED, EpisodeConfig

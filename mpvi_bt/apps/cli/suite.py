@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
-from mpvi_bt.apps.cli.given import Columns, File, Name, arguments
-from mpvi_bt.apps.cli.given import serve as serving
+from mpvi_bt.apps.cli.argument_types import Columns, File, Name, arguments
+from mpvi_bt.apps.cli.argument_types import serve as serving
 from mpvi_bt.apps.cli.setting_options import settings, shared
 from mpvi_bt.executive.drawing.terminal import size, tell
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BackendError, UserError
 from mpvi_bt.runs.choices.config import EPISODE, EpisodeConfig
-from mpvi_bt.runs.report.told import Told
+from mpvi_bt.runs.report.suite_report import SuiteReport
 
 if TYPE_CHECKING:
     from mpvi_bt.apps.watch.address import Address
@@ -141,7 +141,7 @@ def run(
     is tried again by the next run.
     """
     from mpvi_bt.runs.choices.language_models import language_doubts
-    from mpvi_bt.runs.report.several import SuiteFolder
+    from mpvi_bt.runs.report.suite_folders import SuiteFolder
     from mpvi_bt.runs.suite.play import Kept, Where, play
     from mpvi_bt.runs.suite.progress import SuiteProgress
     from mpvi_bt.runs.suite.store import RUNS, Store
@@ -177,7 +177,7 @@ def run(
         if page is not None:
             page.close()
     part = SuiteFolder(title, store, outcome.episodes, outcome.results, outcome.faults, loaded.about)
-    tell(Told.of([part]).told(as_json, _width()))
+    tell(SuiteReport.of([part]).told(as_json, _width()))
     return BackendError.exit_code if outcome.faults else 0
 
 
@@ -197,7 +197,7 @@ def _page(serve: Address, folder: Path) -> Page:
 @_named
 def status(name: str, out: Path | None, as_json: bool) -> None:
     """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
-    from mpvi_bt.runs.report.several import SuiteFolder
+    from mpvi_bt.runs.report.suite_folders import SuiteFolder
     from mpvi_bt.runs.suite.standing import spoken, under_way
 
     part = SuiteFolder.named(name, out)
@@ -284,19 +284,19 @@ def report(
     One line an episode with its q, time, distances and failures, then their means. Several methods are compared on the
     episodes that both have finished, be they in one folder or in several.
     """
-    from mpvi_bt.runs.report.several import SuiteFolder
+    from mpvi_bt.runs.report.suite_folders import SuiteFolder
 
     if out is not None and len(names) > 1:
         raise click.UsageError("--out is the folder of one SUITE; name several by their folders.")
     if columns is not None and not (files["csv"] or files["latex"]):
         raise click.UsageError("--columns chooses those of --csv and --latex; give one of them.")
-    told = Told.of([SuiteFolder.named(name, out) for name in names], baseline)
+    report = SuiteReport.of([SuiteFolder.named(name, out) for name in names], baseline)
     written: list[Path] = []
     for kind, file in files.items():
         if file is not None:
             chosen = (columns,) if columns is not None and kind in ("csv", "latex") else ()
-            written += getattr(told, f"write_{kind}")(file, *chosen)
-    tell(told.told(as_json, _width()) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
+            written += getattr(report, f"write_{kind}")(file, *chosen)
+    tell(report.told(as_json, _width()) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 
 def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> list[EpisodeConfig]:

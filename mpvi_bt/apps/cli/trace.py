@@ -7,7 +7,7 @@ import json
 
 import click
 
-from mpvi_bt.apps.cli.given import File
+from mpvi_bt.apps.cli.argument_types import File
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.executive.trace.diff import diff, difference_text
 from mpvi_bt.executive.trace.explain import explain

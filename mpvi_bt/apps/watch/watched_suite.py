@@ -21,8 +21,8 @@ from mpvi_bt.executive.trace.html import embedded, filled, page_style
 from mpvi_bt.ground.errors import MpviError
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.report.data import report_data
-from mpvi_bt.runs.report.several import SuiteFolder
-from mpvi_bt.runs.report.told import Told
+from mpvi_bt.runs.report.suite_folders import SuiteFolder
+from mpvi_bt.runs.report.suite_report import SuiteReport
 from mpvi_bt.runs.suite.manifest import FILE, read_manifest
 from mpvi_bt.runs.suite.standing import spoken, under_way
 from mpvi_bt.runs.suite.store import Store
@@ -137,7 +137,7 @@ def _figures(part: SuiteFolder) -> dict[str, Any]:
     """Figures as the report has them."""
     if not part.results:
         return {"methods": [], "level": 0.95}
-    told = Told.of([part])
+    told = SuiteReport.of([part])
     figures = json.loads(json.dumps(report_data(told.figures, told.runs)["figures"], allow_nan=False))
     return {"methods": [_method(method) for method in figures["methods"]], "level": figures["level"]}
 

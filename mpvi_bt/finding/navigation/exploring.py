@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase, normalize
+from mpvi_bt.finding.navigation.camera_mapper import CameraMapper
 from mpvi_bt.finding.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
 from mpvi_bt.finding.navigation.goals import Goal, distance_to, near_goals
-from mpvi_bt.finding.navigation.lookout import Lookout
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.finding.navigation.nod import crane, lift_over, nod, tilt_toward
 from mpvi_bt.finding.navigation.search import TargetSearch
@@ -48,14 +48,14 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     Attributes:
         search: Explores.
-        lookout: Looks.
+        mapper: Maps what the head camera sees on the way.
     """
 
     def __init__(
         self,
         robot: Robot,
         knowledge: KnowledgeBase,
-        lookout: Lookout,
+        mapper: CameraMapper,
         stow: Stow | None = None,
         parameters: NavigationParameters = DEFAULTS,
     ) -> None:
@@ -63,31 +63,31 @@ class ExploringNavigator(KnownPlaceNavigator):
 
         Args:
             robot: The robot to drive.
-            knowledge: What is known; `lookout` adds to it.
-            lookout: Looks while it drives; its map is what is driven by.
+            knowledge: What is known; `mapper` adds to it.
+            mapper: Maps what the head camera sees on the way; paths are planned on its map.
             stow, parameters: As of `KnownPlaceNavigator`.
         """
-        super().__init__(robot, lambda: lookout.occupancy.map, knowledge, stow, parameters)
-        self.lookout = lookout
-        self.search = TargetSearch(robot, lookout, self._driver)
+        super().__init__(robot, lambda: mapper.occupancy.map, knowledge, stow, parameters)
+        self.mapper = mapper
+        self.search = TargetSearch(robot, mapper, self._driver)
 
     def feel(self) -> None:
         """Notice what the hands hold and let go; once a control step, whatever the robot does."""
-        self.lookout.feel()
+        self.mapper.feel()
 
     def save(self) -> dict[str, Any]:
         """What was learned so far, as JSON values; a drive begins anew."""
-        return {**super().save(), **self.lookout.save()}
+        return {**super().save(), **self.mapper.save()}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Go on with what was learned. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
         super().restore(saved)
-        self.lookout.restore(saved)
+        self.mapper.restore(saved)
 
     def step(self) -> Report:
         """Look if it is time to, and write one step's command; see `Navigator`."""
         if self._work is not None:
-            self.lookout.step()
+            self.mapper.step()
         return super().step()
 
     # ------------------------------------------------------------------------------------------ for pictures of the run
@@ -95,17 +95,17 @@ class ExploringNavigator(KnownPlaceNavigator):
     @property
     def map(self) -> OccupancyMap:
         """What is driven by."""
-        return self.lookout.occupancy.map
+        return self.mapper.occupancy.map
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """(H, W) cells of the map of which it is known whether something stands there."""
-        return self.lookout.occupancy.known
+        return self.mapper.occupancy.known
 
     @property
     def seen(self) -> NDArray[np.bool_]:
         """(H, W) floor that the camera has seen, from afar or near."""
-        return self.lookout.visibility.seen
+        return self.mapper.visibility.seen
 
     @property
     def frontier(self) -> NDArray[np.bool_]:
@@ -115,12 +115,12 @@ class ExploringNavigator(KnownPlaceNavigator):
     @property
     def image(self) -> CameraImage | None:
         """The picture that was searched last."""
-        return self.lookout.last
+        return self.mapper.last
 
     @property
     def detections(self) -> Sequence[Detection]:
         """What was detected in it."""
-        return self.lookout.discoveries.detections
+        return self.mapper.discoveries.detections
 
     @property
     def entries(self) -> Iterable[Entry]:
@@ -133,7 +133,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         """One report a step until the base has arrived. Raises GaveUp."""
         if not normalize(trip.target):
             raise GaveUp("bad_target", f"{trip.target!r} names nothing to look for")
-        discoveries = self.lookout.discoveries
+        discoveries = self.mapper.discoveries
         discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, normalize(trip.target))))
         for _ in range(_TRIES):
             entries, room = self._look_up(trip)
@@ -150,7 +150,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                 yield from self._drive_to(trip, entries, room, until=partial(self._are_gone, names))
                 slack_m = self.parameters.handoff.slack_m  # nowhere nearer was free
             except GaveUp:
-                if self.lookout.occupancy.known.all() or not (yield from self._learn_the_way(trip, entries)):
+                if self.mapper.occupancy.known.all() or not (yield from self._learn_the_way(trip, entries)):
                     raise
                 continue
             yield from self._look_again(trip, names)
@@ -169,15 +169,15 @@ class ExploringNavigator(KnownPlaceNavigator):
         feedback = f"looking for {trip.target}"
         passed_over = self._passed_over(trip)
         one = any(entry.held or entry.name in passed_over for entry in self._knowledge().find(trip.target))
-        until_s = self.lookout.looked_s + _OTHER_S if one else math.inf
+        until_s = self.mapper.looked_s + _OTHER_S if one else math.inf
 
         answers: dict[str | None, tuple[int, bool]] = {}  # asked for each step; only pictures change them
 
         def found(where: str | None = None) -> bool:
             pictures, answer = answers.get(where, (-1, False))
-            if pictures != self.lookout.pictures:
-                answer = self._at_hand(trip, self._look_up(trip)[0], where) or self.lookout.looked_s > until_s
-                answers[where] = self.lookout.pictures, answer
+            if pictures != self.mapper.pictures:
+                answer = self._at_hand(trip, self._look_up(trip)[0], where) or self.mapper.looked_s > until_s
+                answers[where] = self.mapper.pictures, answer
             return answer
 
         if room is not None:
@@ -216,7 +216,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                 yield report
             for _ in nod(self._robot, tilt_toward(self._robot, top)):
                 yield report
-            self.lookout.look()
+            self.mapper.look()
             for _ in nod(self._robot, tilt):
                 yield report
             for _ in crane(self._robot, lift):
@@ -235,13 +235,13 @@ class ExploringNavigator(KnownPlaceNavigator):
         report = Report(Progress.RUNNING, "", f"looking whether {trip.target} is there")
         before = float(self._posture()[3])
         for _ in range(_LOOKS):
-            self.lookout.look()
+            self.mapper.look()
             entries = self._knowledge().entries
             left = [entries[name] for name in sorted(names & set(entries))]
-            if not left or any(entry.seen_s == self.lookout.looked_s or not _seen([entry]) for entry in left):
+            if not left or any(entry.seen_s == self.mapper.looked_s or not _seen([entry]) for entry in left):
                 break
             for entry in left:
-                self.lookout.expect(entry.name)
+                self.mapper.expect(entry.name)
             here = self._robot.proprioception().base_pose[:2]
             nearest_one = min(left, key=lambda entry: distance_to(entry, here))
             for _ in nod(self._robot, tilt_toward(self._robot, nearest_one.center)):
@@ -256,12 +256,12 @@ class ExploringNavigator(KnownPlaceNavigator):
         Returns:
             Whether one is known.
         """
-        learned, known = False, self.lookout.pictures
+        learned, known = False, self.mapper.pictures
 
         def can_be_reached() -> bool:
             nonlocal learned, known
-            if self.lookout.pictures != known:
-                known = self.lookout.pictures
+            if self.mapper.pictures != known:
+                known = self.mapper.pictures
                 start = self._robot.proprioception().base_pose[:2]
                 grid = self._driver.grid().escaping(start)
                 goals = self._before(entries, grid, start)
@@ -295,7 +295,7 @@ class ExploringNavigator(KnownPlaceNavigator):
     def _not_found(self, trip: Trip) -> GaveUp:
         """Why the search was in vain; without a prior map a base that sees nothing is not in anything, for that."""
         here, evidence = self._robot.proprioception().base_pose[:2], self._evidence(trip)
-        if self.lookout.occupancy.known.all() and stuck(self._driver.grid(), here):
+        if self.mapper.occupancy.known.all() and stuck(self._driver.grid(), here):
             return GaveUp("start_in_collision", f"the base cannot leave the obstacles that it stands in: {evidence}")
         return GaveUp("not_found", evidence)
 
@@ -304,8 +304,8 @@ class ExploringNavigator(KnownPlaceNavigator):
         near = nearest(normalize(trip.target), self._names())
         hint = f"; something near it is called {near!r}" if near else ""
         name = OTHER.sub("", trip.target).strip()
-        said = f"no {name} in {self.lookout.pictures} pictures of {share:.0%} of the {area:.0f} m² within reach"
-        discoveries = self.lookout.discoveries
+        said = f"no {name} in {self.mapper.pictures} pictures of {share:.0%} of the {area:.0f} m² within reach"
+        discoveries = self.mapper.discoveries
         failed = (
             f"; the detector failed on {discoveries.errors} ({discoveries.last_error})" if discoveries.errors else ""
         )

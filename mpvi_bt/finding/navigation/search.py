@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from mpvi_bt.finding.navigation.camera_mapper import CameraMapper
 from mpvi_bt.finding.navigation.driver import Driver, GaveUp, Goals
 from mpvi_bt.finding.navigation.frontiers import frontier, nearest_frontier
 from mpvi_bt.finding.navigation.goals import Goal
 from mpvi_bt.finding.navigation.grid import cost_to_reach
-from mpvi_bt.finding.navigation.lookout import Lookout
 from mpvi_bt.finding.navigation.traversability import about
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.geometry.solids import Array
@@ -53,10 +53,10 @@ class TargetSearch:
     """
 
     def __init__(
-        self, robot: Robot, lookout: Lookout, driver: Driver, parameters: SearchParameters = SearchParameters()
+        self, robot: Robot, mapper: CameraMapper, driver: Driver, parameters: SearchParameters = SearchParameters()
     ) -> None:
-        self._robot, self._lookout, self._driver, self.parameters = robot, lookout, driver, parameters
-        self._view = lookout.visibility
+        self._robot, self._mapper, self._driver, self.parameters = robot, mapper, driver, parameters
+        self._view = mapper.visibility
         self.frontier: Mask = np.zeros_like(self._view.seen)
         self._barren: Mask = self.frontier
 
@@ -68,8 +68,8 @@ class TargetSearch:
             feedback: What the reports say.
             room: Search only this room of the map; None: everything.
         """
-        self._lookout.look()
-        for view, how in ((self._lookout.visibility, ""), (self._lookout.closer, ", closer")):
+        self._mapper.look()
+        for view, how in ((self._mapper.visibility, ""), (self._mapper.closer, ", closer")):
             self._view = view
             self._barren = np.zeros_like(self._view.seen)
             yield from self._explore(found, feedback + how, room)
@@ -81,7 +81,7 @@ class TargetSearch:
         grid = self._driver.grid().escaping(self._place())
         reach = np.isfinite(cost_to_reach(grid.cost, grid.map.cell(self._place())))
         area = int(reach.sum())
-        seen = self._lookout.visibility.seen & self._lookout.occupancy.known
+        seen = self._mapper.visibility.seen & self._mapper.occupancy.known
         return float((reach & seen).sum()) / max(area, 1), area * grid.map.resolution_m**2
 
     def _explore(self, found: Callable[[], bool], feedback: str, room: str | None) -> Iterator[Report]:
@@ -95,7 +95,7 @@ class TargetSearch:
             except GaveUp:
                 self._mark(self._barren, goal.pose, True)
                 continue
-            self._lookout.look()
+            self._mapper.look()
             if self._seen() - before < self._cells(self.parameters.gains_m2[-1]):
                 self._mark(self._barren, goal.pose, True)
 
@@ -114,7 +114,7 @@ class TargetSearch:
                 return
             if found():
                 return
-            self._lookout.look()
+            self._mapper.look()
             if self._seen() - before < _LITTLE * gain:
                 return  # something low hides it: go and look from elsewhere
 
@@ -138,7 +138,7 @@ class TargetSearch:
         unseen = self._patches(room)
         open_ = ~grid.map.occupied
         near = max(1, round(self.parameters.near_m / grid.map.resolution_m))
-        self.frontier = frontier(~self._lookout.solid, ~unseen) & open_ & ~self._barren
+        self.frontier = frontier(~self._mapper.solid, ~unseen) & open_ & ~self._barren
         targets, within = np.zeros_like(open_), about(open_)
         targets[within] = ndimage.binary_dilation(self.frontier[within], _EDGES, near, open_[within])
         targets &= np.isfinite(grid.cost) & ~self._barren
@@ -160,7 +160,7 @@ class TargetSearch:
         if most < least:
             return best, at
         yaws = here + np.arange(self.parameters.headings) * (2 * np.pi / self.parameters.headings)
-        solid = self._lookout.solid
+        solid = self._mapper.solid
         for yaw in sorted(yaws, key=lambda yaw: abs(float(wrap(yaw - here)))):
             if most <= best * _BETTER:
                 break
@@ -171,14 +171,14 @@ class TargetSearch:
 
     def _passed(self, goal: Goal, found: Callable[[], bool]) -> Callable[[], bool]:
         """Whether to drive no farther: found, or what was to be seen from the goal has been seen on the way."""
-        last, over = self._lookout.pictures, False
+        last, over = self._mapper.pictures, False
 
         def passed() -> bool:
             nonlocal last, over
-            if self._lookout.pictures != last:
-                last = self._lookout.pictures
+            if self._mapper.pictures != last:
+                last = self._mapper.pictures
                 place, yaw = goal.pose[:2], float(goal.pose[2])
-                gain = self._view.would_see(place, yaw, self.parameters.fov_rad, self._lookout.solid)
+                gain = self._view.would_see(place, yaw, self.parameters.fov_rad, self._mapper.solid)
                 over = gain < self._cells(self.parameters.gains_m2[-1]) / 2
             return over or found()
 
@@ -186,7 +186,7 @@ class TargetSearch:
 
     def _mark(self, mask: Mask, place: Array, value: bool) -> None:
         """Set the cells of a mask (H, W) about a place (2,)."""
-        grid_map = self._lookout.occupancy.map
+        grid_map = self._mapper.occupancy.map
         (row, column), n = grid_map.cell(place), math.ceil(self.parameters.barren_m / grid_map.resolution_m)
         top, left = max(row - n, 0), max(column - n, 0)
         window = mask[top : max(row + n + 1, 0), left : max(column + n + 1, 0)]
@@ -198,9 +198,9 @@ class TargetSearch:
 
     def _unseen(self, room: str | None) -> Mask:
         """(H, W) where nothing is known to stand, and which was not seen."""
-        unseen: Mask = ~self._lookout.solid & ~self._explored()
+        unseen: Mask = ~self._mapper.solid & ~self._explored()
         if room is not None:
-            grid_map = self._lookout.occupancy.map
+            grid_map = self._mapper.occupancy.map
             unseen &= grid_map.rooms == grid_map.room_names.index(room)
         return unseen
 
@@ -212,14 +212,14 @@ class TargetSearch:
         return unseen & large[patches]
 
     def _explored(self) -> Mask:
-        explored: Mask = self._view.seen & self._lookout.occupancy.known
+        explored: Mask = self._view.seen & self._mapper.occupancy.known
         return explored
 
     def _seen(self) -> int:
         return int(self._explored().sum())
 
     def _cells(self, area_m2: float) -> float:
-        return area_m2 / self._lookout.occupancy.map.resolution_m**2
+        return area_m2 / self._mapper.occupancy.map.resolution_m**2
 
     def _place(self) -> Array:
         place: Array = self._robot.proprioception().base_pose[:2]

@@ -22,7 +22,7 @@ from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.hold_out import present
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.repertoire import motion_of
-from mpvi_bt.hands.policies.showing import fell_beside, views
+from mpvi_bt.hands.policies.result_views import fell_beside, views
 from mpvi_bt.hands.stance.effort import Effort
 from mpvi_bt.hands.stance.grasps import grasps
 

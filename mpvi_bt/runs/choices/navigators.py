@@ -8,9 +8,9 @@ import numpy as np
 
 from mpvi_bt.executive.plan.knowledge import KnowledgeBase
 from mpvi_bt.executive.remote.remote_world import RemoteWorld
+from mpvi_bt.finding.navigation.camera_mapper import CameraMapper, Circle
 from mpvi_bt.finding.navigation.exploring import ExploringNavigator
 from mpvi_bt.finding.navigation.footprint import Footprint
-from mpvi_bt.finding.navigation.lookout import Circle, Lookout
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.finding.perception.detector import Detector
 from mpvi_bt.finding.scene.discovery import Discoveries
@@ -99,5 +99,5 @@ def explorer(
         x, y, _ = body.base_pose
         return [(float(u), float(v), float(r)) for u, v, r in [(x, y, own_m), *own]]
 
-    lookout = Lookout(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
-    return ExploringNavigator(robot, base, lookout, ArmStow(robot, seed))
+    mapper = CameraMapper(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
+    return ExploringNavigator(robot, base, mapper, ArmStow(robot, seed))

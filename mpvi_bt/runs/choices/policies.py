@@ -340,8 +340,8 @@ def settings_for(given: str, task: str | None, robot: str | None) -> DialectSett
         UserError: They do not exist, or are not of this task or this robot.
         FileProblems: Everything that is wrong with them.
     """
-    from mpvi_bt.executive.remote.briefing import briefed, check_robot
     from mpvi_bt.executive.remote.dialect_settings import load_settings
+    from mpvi_bt.executive.remote.task_settings import check_robot, with_task
     from mpvi_bt.ground.robot.robots import robot_named
     from mpvi_bt.house.instances.human import human_stats
 
@@ -349,4 +349,4 @@ def settings_for(given: str, task: str | None, robot: str | None) -> DialectSett
     if robot is not None:
         check_robot(settings, robot_named(robot), given)
     known = human_stats().get(task or "")
-    return briefed(settings, task, None if known is None else known.task_id)
+    return with_task(settings, task, None if known is None else known.task_id)

@@ -126,7 +126,7 @@ def _standing(config: EpisodeConfig, navigator: KnownPlaceNavigator) -> Standing
     ones go by what their policy has seen itself, as one does that is somewhere else.
     """
     wide = len(robot_named(config.robot).base.corners) > 0
-    return navigator.lookout.occupancy.standing if wide and isinstance(navigator, ExploringNavigator) else None
+    return navigator.mapper.occupancy.standing if wide and isinstance(navigator, ExploringNavigator) else None
 
 
 def floors(house: House) -> dict[str, tuple[str, ...]]:
@@ -162,7 +162,7 @@ def _replanning(
     if not isinstance(navigator, ExploringNavigator):
         assert isinstance(world, SimWorld)
         return replanning(seen=lambda: things(world.knowledge()))
-    discoveries = navigator.lookout.discoveries
+    discoveries = navigator.mapper.discoveries
 
     def look_for(spec: TreeSpec) -> None:
         discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, *task_relevant(spec, context.skills))))

@@ -36,8 +36,8 @@ from mpvi_bt.runs.choices.lateness import latency_of
 from mpvi_bt.runs.choices.planning import ground, make_planner
 from mpvi_bt.runs.choices.policies import check_policy_choice, rate_doubt
 from mpvi_bt.runs.choices.simulators import check_simulator_choice
-from mpvi_bt.runs.episode.doers import check_hands
-from mpvi_bt.runs.episode.doers import doubt as doer_doubt
+from mpvi_bt.runs.episode.capability_checks import check_hands
+from mpvi_bt.runs.episode.capability_checks import doubt as doer_doubt
 from mpvi_bt.runs.episode.saved_episode import SavedEpisode
 
 

@@ -30,10 +30,10 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
 from mpvi_bt.runs.choices.planning import make_planner
 from mpvi_bt.runs.episode.assembly import assemble
-from mpvi_bt.runs.episode.brief import brief
-from mpvi_bt.runs.episode.doers import check_hands
+from mpvi_bt.runs.episode.capability_checks import check_hands
 from mpvi_bt.runs.episode.prepare import Prepared, arrangement, check_backends, prepare
 from mpvi_bt.runs.episode.result import write_json
+from mpvi_bt.runs.episode.unscored_result import unscored_result
 from mpvi_bt.runs.recording.recorder import Recorder
 
 _PARTING_S = 5.0  # for the results of episodes that the end cuts off
@@ -137,7 +137,7 @@ def play(work: ServedWork, first: Reading, world: RemoteWorld, number: int, say:
     finally:
         getattr(parts.policy, "close", lambda: None)()
         if work.out is not None:
-            write_json(work.out / f"{stem}.json", {**brief(config, prepared, last.outcome), **wrong})
+            write_json(work.out / f"{stem}.json", {**unscored_result(config, prepared, last.outcome), **wrong})
     return f"episode {number}: {_told(outcome, prepared)}"
 
 

@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 from vla_eval.benchmarks.base import StepBenchmark, StepResult
 from vla_eval.specs import IMAGE_RGB, LANGUAGE, RAW, DimSpec
 
-from mpvi_bt.executive.remote.briefing import unfit
 from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.executive.remote.relay import Relay
+from mpvi_bt.executive.remote.task_settings import unfit
 from mpvi_bt.executive.remote.vla_eval import DEFAULT
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BackendError, UnknownName, UserError

@@ -1,4 +1,4 @@
-"""What the robot learns by looking while it drives: obstacles, which floor was seen, and where things are."""
+"""Updates the maps and the known things with pictures of the head camera while the base drives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ON_FLOOR_M = 0.15  # Our choice: what begins lower stood on the floor, and taki
 _MOVED_M, _TURNED_RAD = 0.03, 0.03  # Our choice: a view that differs by less shows nothing new
 
 
-class Lookout:
+class CameraMapper:
     """Takes a picture with the head camera every so often and hands it to the maps and to the knowledge base.
 
     (Paper, Navigation appendix: detection of all task-relevant objects runs throughout, and what is found is kept.)

@@ -1,4 +1,4 @@
-"""Looking for things: around from where the robot stands, then from elsewhere, then wherever there is room to go."""
+"""Search for things by sight: around the robot, then from other places, then from any free place."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mpvi_bt.hands.stance.site import base_clear
 
 
 @dataclass(frozen=True)
-class LookingAround:
+class SearchViews:
     """Where the robot looks, and drives to, while it searches.
 
     Our choice: the work is mostly ahead.
@@ -48,7 +48,7 @@ class LookingAround:
     step_m: float = 0.15  # distance between two checks of the way [m]
 
 
-_LOOK = LookingAround()
+_LOOK = SearchViews()
 Found = Callable[[], bool]
 
 

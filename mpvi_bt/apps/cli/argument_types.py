@@ -1,4 +1,4 @@
-"""What people give on the command line: names and files, values of parameters, paths of nodes; completed by Tab."""
+"""Types of command-line arguments, with completion by Tab: names and files, values of parameters, paths of nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Showing what has been done to whoever judges it by the head's pictures: what one view hides, another may show."""
+"""Views of the result for the checker, which sees the head's pictures: what one view hides, another may show."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WHERE = ("container", "surface", "target", "object")  # slots that name what to
 
 
 @dataclass(frozen=True)
-class Showing:
+class ResultViews:
     """Where the result of the work is looked at from."""
 
     from_m: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8)  # distances of a look into a thing from its middle [m]; our choice
@@ -31,7 +31,7 @@ class Showing:
     beside_m: float = 0.15  # largest distance from a container's box to a dropped thing that missed it [m]; our choice
 
 
-_SHOW = Showing()
+_SHOW = ResultViews()
 
 
 def step_up(work: Work, name: str) -> Actions:

@@ -1,4 +1,4 @@
-"""How a run went that nobody measures: a dry one, or one of a robot elsewhere."""
+"""The result of a run without a score: a dry run, or one on a robot elsewhere."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.prepare import Prepared
 
 
-def brief(config: EpisodeConfig, prepared: Prepared, outcome: Outcome) -> dict[str, Any]:
-    """Its result, ready for JSON."""
+def unscored_result(config: EpisodeConfig, prepared: Prepared, outcome: Outcome) -> dict[str, Any]:
+    """The result as data for JSON."""
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
     return {
         "tree": prepared.spec.name,

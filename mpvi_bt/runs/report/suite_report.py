@@ -16,12 +16,12 @@ if TYPE_CHECKING:  # what they load is slower than the help of these commands sh
     from mpvi_bt.runs.episode.result import Result
     from mpvi_bt.runs.report.figures import Figures
     from mpvi_bt.runs.report.runs import Runs
-    from mpvi_bt.runs.report.several import SuiteFolder
+    from mpvi_bt.runs.report.suite_folders import SuiteFolder
     from mpvi_bt.runs.suite.store import Store
 
 
 @dataclass(frozen=True)
-class Told:
+class SuiteReport:
     """The results of suites with their figures.
 
     Attributes:
@@ -35,7 +35,7 @@ class Told:
     stores: list[Store]
 
     @classmethod
-    def of(cls, parts: Sequence[SuiteFolder], baseline: str | None = None) -> Told:
+    def of(cls, parts: Sequence[SuiteFolder], baseline: str | None = None) -> SuiteReport:
         """Compute the figures.
 
         Args:
@@ -47,7 +47,7 @@ class Told:
             UserError: The folders cannot be compared.
         """
         from mpvi_bt.runs.report.figures import figures
-        from mpvi_bt.runs.report.several import notes, together
+        from mpvi_bt.runs.report.suite_folders import notes, together
 
         runs = together(parts)
         title = ", ".join(dict.fromkeys(part.suite for part in parts))

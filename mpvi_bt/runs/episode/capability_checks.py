@@ -1,4 +1,4 @@
-"""Whether policy and robot can do what is asked for: by what scripted policies know, and by the hands there are."""
+"""Checks that policy and robot can do what is asked: skills of scripted policies, and hands of the robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a remote policy is told of the task besides what the robot sees and feels: the task's prompt and number."""
+"""Fills the task's prompt and number into the settings of a remote policy, and checks that they fit the robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.robots import ROBOTS
 
 
-def briefed(settings: DialectSettings, task: str | None, number: int | None) -> DialectSettings:
+def with_task(settings: DialectSettings, task: str | None, number: int | None) -> DialectSettings:
     """The settings with all that they need of a task filled in, as constants.
 
     Args:

@@ -1,4 +1,4 @@
-"""The results of one or several folders, side by side: each method a row, under a name of its own."""
+"""Results of one or more folders side by side: a row for each method, under its own name."""
 
 from __future__ import annotations
 
