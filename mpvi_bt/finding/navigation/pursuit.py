@@ -26,8 +26,8 @@ class Limits:
 
     speed_m_s: float = 0.6  # speed in the open [m/s]
     turn_rad_s: float = 1.2  # turning speed in the open [rad/s]
-    acceleration_m_s2: float = 1.0  # up and down [m/s2]
-    turn_acceleration_rad_s2: float = 2.5  # up and down [rad/s2]
+    acceleration_m_s2: float = 1.0  # largest acceleration and deceleration [m/s2]
+    turn_acceleration_rad_s2: float = 2.5  # largest acceleration and deceleration of a turn [rad/s2]
     tight_m_s: float = 0.25  # speed where the footprint touches an obstacle [m/s]
     roomy_m: float = 0.25  # distance beyond the footprint with room for full speed; speed grows evenly up to it [m]
 

@@ -47,8 +47,8 @@ class FitParameters:
     tray_m: float = 0.25  # but a thing whose top is this low above the floor may be a wide basket or tray [m]
     covered: float = 0.3  # largest covered part of a vessel's opening at the height of the rim [ratio]
     slice_m: float = 0.01  # height of a slice of a thing, from above [m]
-    level_m: float = 0.01  # points this close to the height of a cylinder's support are level with it [m]
-    shown: int = 10  # more such points than this are not seen through the thing
+    level_m: float = 0.01  # points this close to the height of a cylinder's support are of that support [m]
+    shown: int = 10  # with more such points than this the support is seen through the thing
     within: float = 0.85  # radius within which they count [ratio]; masks are rough, and round things jut out over feet
     staves: int = 16  # boxes in the wall of a round vessel
     least_points: int = 5  # fewer points make no solid

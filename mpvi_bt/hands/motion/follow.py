@@ -35,7 +35,7 @@ class Following:
     lost_steps: int = 5  # a hand out of reach for this many steps has lost the course
     off_m: float = 0.15  # retreat of a hand from what its fingers stand around [m]
     level: float = 0.3  # least horizontal part of the approach [ratio]; a steeper hand is raised instead
-    between_m: float = 0.03  # from the middle between open fingers to either side [m]
+    between_m: float = 0.03  # half the width that is checked between open fingers [m]
     touched_m: float = 0.005  # distance that a touched thing holds a hand off its target [m]
     astray_m: float = 0.12  # a base this far from its goal is held up [m]
     back: float = 0.2  # it then goes back this part of the course [ratio]

@@ -38,7 +38,7 @@ class DrivingIn:
     spots: int = 40  # spots that are checked
     headings: int = 16  # directions to drive in to each spot
     step_m: float = 0.08  # distance between two checks on the way in, for elbows that might meet a screen beside it [m]
-    off_m: float = 1.3  # largest distance to a spot beyond the known room; the base drives up to that [m]
+    off_m: float = 1.3  # distance to which the base approaches a spot beyond the known room [m]
     leg_m: float = 1.2  # longest leg on the way there [m]
     legs: int = 4  # most legs on the way there
     far_m_s: float = 0.3  # speed of the base on the way there [m/s]
