@@ -12,9 +12,9 @@ import click
 import pytest
 
 from mpvi_bt.apps.cli.argument_types import BackendType
+from mpvi_bt.executive.actions.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import UnknownName, UserError
-from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.runs.choices.backends import BACKENDS, choose, privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.plugins import OFFERED, asked_for

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mpvi_bt.executive.actions.backup import WithBackup
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.hands.policies.backup import WithBackup
 from mpvi_bt.runs.choices.backends import choose, pair
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import PolicyInputs, check_policy_choice, make_policy

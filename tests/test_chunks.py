@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt.executive.actions.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
-from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.testing import GripPolicy, check_policy
 from tests.bench import Bench
 

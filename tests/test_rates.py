@@ -14,6 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt.executive.actions.chunks import RecedingHorizon, TemporalEnsemble
+from mpvi_bt.executive.actions.paced import Pace, PacedPolicy
 from mpvi_bt.executive.remote.dialect_settings import load_settings
 from mpvi_bt.executive.remote.observation import write_observation
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy
@@ -25,8 +27,6 @@ from mpvi_bt.ground.robot.base_ramp import BaseRamp
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
 from mpvi_bt.ground.robot.robots import robot_named
-from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble
-from mpvi_bt.hands.policies.paced import Pace, PacedPolicy
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import check_policy_choice, for_clients, paced, rate_doubt
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy

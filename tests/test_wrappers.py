@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mpvi_bt.executive.actions.backup import WithBackup
+from mpvi_bt.executive.actions.chunks import RecedingHorizon, TemporalEnsemble, WrappedPolicy
+from mpvi_bt.executive.actions.paced import PacedPolicy
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
-from mpvi_bt.hands.policies.backup import WithBackup
-from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble, WrappedPolicy
 from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
-from mpvi_bt.hands.policies.paced import PacedPolicy
 from mpvi_bt.hands.policies.pregrasp import PregraspPolicy, WithPregrasp
 from mpvi_bt.runs.disturbances.answer_times import TimedPolicy
 from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy

@@ -20,10 +20,10 @@ import numpy as np
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.rows import append, lines_of
 from benchmarks.tables import Cell, Column
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.methods import load_method
 from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy

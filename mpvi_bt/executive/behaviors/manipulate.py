@@ -44,7 +44,7 @@ class Manipulate(Leaf):
     Its evidence is the policy's note, and what the checker last said no to.
 
     A chunk of actions is carried out whole, one a step, before the policy is asked again (Our choice: as openpi's
-    clients do; `mpvi_bt.hands.policies.chunks` has other ways). At a handoff, that is whenever it starts, and
+    clients do; `mpvi_bt.executive.actions.chunks` has other ways). At a handoff, that is whenever it starts, and
     when the prompt changes under way, the rest of an old chunk is dropped and the policy reset. Actions are brought
     within what the robot may be commanded; the run's log counts those that were not. Empty and lost grasps are logged,
     too, and so are the figures of each handoff, with the reason why it ended.

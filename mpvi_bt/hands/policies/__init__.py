@@ -1,1 +1,1 @@
-"""Policies that move the hands: scripted ones by truth or by sight, and ways to play action chunks."""
+"""Policies that move the hands: scripted ones by truth or by sight."""

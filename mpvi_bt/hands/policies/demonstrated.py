@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mpvi_bt.executive.actions.backup import WithBackup
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import ActionKind
-from mpvi_bt.hands.policies.backup import WithBackup
 from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
 
 

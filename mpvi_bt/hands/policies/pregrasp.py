@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.skills import SkillCall
 from mpvi_bt.ground.action_chunk import ask
@@ -13,7 +14,6 @@ from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.motion import MotionFailure
 from mpvi_bt.hands.motion.carry import come_out
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
 from mpvi_bt.hands.policies.scripted_policy import Performance
 from mpvi_bt.hands.skills.pick import come_before, pick

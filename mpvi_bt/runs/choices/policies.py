@@ -19,11 +19,11 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.lateness import draws_seed, latency_of
 
 if TYPE_CHECKING:
+    from mpvi_bt.executive.actions.backup import WithBackup
+    from mpvi_bt.executive.actions.paced import PacedPolicy
     from mpvi_bt.executive.remote.dialect_settings import DialectSettings
     from mpvi_bt.executive.remote.observation import Vocabulary
     from mpvi_bt.finding.scene.seen import Standing
-    from mpvi_bt.hands.policies.backup import WithBackup
-    from mpvi_bt.hands.policies.paced import PacedPolicy
     from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
 
 _REMOTE = (":openpi", ":vla_eval")  # factories of policies whose rate others say
@@ -115,8 +115,8 @@ def for_clients(
         seed: Of everything random.
         rate_hz, kind: Of the policy's rows, before what it says itself.
     """
+    from mpvi_bt.executive.actions.paced import PacedPolicy
     from mpvi_bt.executive.plan.skills import load_skills
-    from mpvi_bt.hands.policies.paced import PacedPolicy
 
     skills, known = load_skills(), demonstrations()
 
@@ -130,7 +130,7 @@ def for_clients(
 
 def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:
     """The policy, with its action chunks carried out as the config says."""
-    from mpvi_bt.hands.policies.chunks import RecedingHorizon, TemporalEnsemble
+    from mpvi_bt.executive.actions.chunks import RecedingHorizon, TemporalEnsemble
 
     if config.policy_ensemble is not None:
         return TemporalEnsemble(policy, config.policy_ensemble)
@@ -145,7 +145,7 @@ def paced(policy: Policy, config: EpisodeConfig) -> PacedPolicy:
     Raises:
         UserError: It names a dataset that says none.
     """
-    from mpvi_bt.hands.policies.paced import PacedPolicy
+    from mpvi_bt.executive.actions.paced import PacedPolicy
 
     rate_hz, said_by = _told_rate(policy, config.policy_rate)
     return PacedPolicy(policy, rate_hz, config.policy_actions, said_by)
@@ -294,7 +294,7 @@ def _with_backup(
     first: Choice, second: Choice, only: Sequence[str] | None, ground: PolicyInputs, settings: str | None
 ) -> Policy:
     """Two policies, the first of some skills `only`; the settings are of the second one."""
-    from mpvi_bt.hands.policies.backup import WithBackup
+    from mpvi_bt.executive.actions.backup import WithBackup
 
     if first == second:
         raise UserError(f"policy {first.given}+{second.given}: a policy cannot stand behind itself.")

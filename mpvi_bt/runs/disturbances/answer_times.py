@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.executive.behaviors.context import Log
 from mpvi_bt.ground.compiled import compiling
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
 
 
 class TimedPolicy(WrappedPolicy):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.action_chunk import ask
@@ -18,7 +19,6 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import command_of
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
 from mpvi_bt.runs.disturbances.faults import KINDS
 
 _ARMS = np.r_[ActionLayout.ARM["left"], ActionLayout.ARM["right"]]

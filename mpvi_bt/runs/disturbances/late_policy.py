@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import command_of
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
 from mpvi_bt.runs.disturbances.latency import in_steps
 
 Meanwhile = Literal["hold", "go_on"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TypeVar
 
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
+from mpvi_bt.executive.actions.paced import PacedPolicy
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
-from mpvi_bt.hands.policies.paced import PacedPolicy
 from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.runs.episode.result import ActionPace, Lateness

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
@@ -14,7 +15,6 @@ from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_ab
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.ground.robot.robots import robot_named
-from mpvi_bt.hands.policies.chunks import WrappedPolicy
 
 
 @dataclass(frozen=True)
