@@ -25,10 +25,10 @@ from functools import cache
 from typing import Any
 from unittest import mock
 
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem
-from mpvi_bt.house.instances.human import human_stats
 from mpvi_bt.house.layout.house import load_house
 
 MAX_OPTIONS = 20_000  # that are listed together

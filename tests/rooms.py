@@ -23,7 +23,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("file_kinds",),
         ("geometry", "words", "paths", "marked_yaml", "writing", "proxies"),
         ("robot", "extras", "cost"),
-        ("protocols",),
+        ("protocols", "human"),
         ("action_chunk",),
     ),
     "executive": (

@@ -205,8 +205,8 @@ def test_two_hands_are_refused() -> None:
 
     spec = compile_instruction("both", "lift the box with both hands")
     with pytest.raises(UserError, match=r"takes two hands \(skill lift\); fetch has one"):
-        check_hands(FETCH, spec, load_skills())
-    check_hands(R1, spec, load_skills())
+        check_hands("fetch", spec, load_skills())
+    check_hands("r1", spec, load_skills())
 
 
 def test_its_joints_are_those_that_its_maker_publishes() -> None:

@@ -23,8 +23,6 @@ ROBOTS_OWN = {
     "house/maniskill/fetch_agent.py",
     "hands/learned/mirroring.py",
     "house/instances/instances.py",
-    "runs/choices/simulators.py",
-    "runs/serving/served.py",
 }
 
 ONLY_IN = {

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.robot.protocol import Proprioception, Side
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.instances.human import human_stats
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.metrics import DIRECTIONS, Measurement, Meter
 from mpvi_bt.runs.episode.result import Result, make_result, read_result, write_json, write_result

@@ -19,10 +19,10 @@ from mpvi_bt.executive.tree.compile import compile_plan
 from mpvi_bt.executive.tree.lint import check_rooms, lint
 from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
 from mpvi_bt.ground import paths
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.words.phrases import Vocabulary, normalize
 from mpvi_bt.house.goals.formula import All, Formula, Literal, Not, Some, holds, literals
 from mpvi_bt.house.goals.problem import AGENT, BddlProblem, Fact, load_problem
-from mpvi_bt.house.instances.human import human_stats
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.things.catalogue import load_catalogue

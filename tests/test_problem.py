@@ -16,12 +16,12 @@ from mpvi_bt.apps.authoring.checking import below, problems_in
 from mpvi_bt.apps.cli.check import check
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UnknownName, UserError
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.house.goals.evaluate import snapshot
 from mpvi_bt.house.goals.findings import Findings
 from mpvi_bt.house.goals.formula import All, Formula, Literal
 from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem, parse_problem
 from mpvi_bt.house.goals.vocabulary import behavior
-from mpvi_bt.house.instances.human import human_stats
 
 TINY = """
 (define (problem tiny) ; a comment with ( in it

@@ -13,7 +13,7 @@ import pytest
 
 from mpvi_bt.apps.cli.suite import suite
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.house.instances.human import human_stats
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.runs.episode.result import read_result
 from mpvi_bt.runs.suite.at_work import FILE as AT_WORK
 from mpvi_bt.runs.suite.processes import WALL_LIMIT_S, ProcessEngine

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.agreement import OMNIGIBSON, compare, counts_of
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.house.goals.problem import load_problem
 from mpvi_bt.house.goals.qscore import best_fraction
-from mpvi_bt.house.instances.human import human_stats
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "scoring.md").read_text(encoding="utf-8")
 CAPS = {

@@ -73,6 +73,7 @@ MODULES: Mapping[str, str] = {  # modules that went elsewhere than their room, o
     "goals.rays": "ground.geometry.rays",
     "goals.spoken": "ground.words.spoken",
     "import_paths": "ground.import_paths",
+    "instances.human": "ground.human",
     "manipulation.policies.backup": "executive.actions.backup",
     "manipulation.policies.chunks": "executive.actions.chunks",
     "manipulation.policies.expert": "house.truth.expert",

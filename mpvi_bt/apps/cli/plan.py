@@ -49,14 +49,14 @@ def plan(
         _export(what, export, as_json)
         return
     from mpvi_bt.executive.plan.prompt import told
-    from mpvi_bt.house.instances.tasks import load_task
     from mpvi_bt.runs.choices.language_models import Models, language_doubts
+    from mpvi_bt.runs.choices.named_task import task_named
     from mpvi_bt.runs.choices.planning import make_planner
 
     given = " ".join(what).strip()
     if not given:
         raise click.UsageError("Missing argument: a TASK, or an INSTRUCTION in words.")
-    task = None if any(c.isspace() for c in given) else load_task(given)
+    task = None if any(c.isspace() for c in given) else task_named(given)
     if task is None and planner == EpisodeConfig.planner:
         raise UserError("plans are recorded of tasks only: name one, or choose a model, --planner openai:MODEL.")
     if house is not None and planner == EpisodeConfig.planner:
@@ -106,10 +106,10 @@ def _export(tasks: Sequence[str], file: Path, as_json: bool) -> None:
     from mpvi_bt.executive.plan.planners import RecordedPlanner
     from mpvi_bt.executive.plan.skills import load_skills
     from mpvi_bt.ground import paths
-    from mpvi_bt.house.instances.tasks import load_task
+    from mpvi_bt.runs.choices.named_task import task_named
     from mpvi_bt.runs.choices.planning import ground
 
-    known = {name: load_task(name) for name in tasks or paths.names("tasks")}
+    known = {name: task_named(name) for name in tasks or paths.names("tasks")}
     places = {task.house: ground(task.house) for task in known.values()}
     grounds = {task.plan: places[task.house] for task in known.values()}
     planner = RecordedPlanner()

@@ -204,7 +204,7 @@ def _asked_for(
     task: str | None, values: dict[str, str], dry: bool, out: Path, settings: dict[str, Any]
 ) -> tuple[EpisodeConfig, Prepared, bool]:
     """What the command line asks for, and whether it is dry."""
-    from mpvi_bt.house.instances.tasks import load_task
+    from mpvi_bt.runs.choices.named_task import task_named
     from mpvi_bt.runs.episode.prepare import check_watched, prepare, prepare_episode
 
     if task is None and not dry:
@@ -216,7 +216,7 @@ def _asked_for(
     config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
     config = config.kept_in(out)
     if dry and task is not None:
-        load_task(task).check_instance(config.instance)
+        task_named(task).check_instance(config.instance)
     prepared = prepare(config, _note) if dry else prepare_episode(config, _note)
     check_watched(config, [prepared])
     return config, prepared, dry

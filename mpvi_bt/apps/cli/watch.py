@@ -12,7 +12,6 @@ from mpvi_bt.apps.cli import INTERRUPTED
 from mpvi_bt.apps.cli.argument_types import serve as serving
 from mpvi_bt.apps.watch.address import Address
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.runs.suite.manifest import FILE
 
 
 @click.command()
@@ -27,6 +26,7 @@ def watch(what: Path, serve: Address | None) -> int:
     """
     require_server()
     from mpvi_bt.apps.watch.page_server import Server, watched
+    from mpvi_bt.runs.suite.manifest import FILE
 
     if not what.exists():
         raise UserError(f"{what}: no such file or folder")

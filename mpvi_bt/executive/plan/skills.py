@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -147,6 +147,12 @@ def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]
         if path.stem not in skills:
             skills[path.stem] = _read(path, _stamp(path))
     return skills
+
+
+@cache
+def shipped_skills() -> tuple[str, ...]:
+    """Names of the skills that ship, sorted. Scripted policies know a motion for each of them."""
+    return tuple(sorted(path.stem for path in paths.files_in(paths.shipped() / "skills")))
 
 
 def _stamp(path: Path) -> object:

@@ -4,27 +4,43 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.protocol import SIDES, Side
+
+
+@dataclass(frozen=True)
+class Home:
+    """What is known of a robot before its model is loaded.
+
+    Attributes:
+        model: "module:attribute" of its model.
+        sides: Its hands.
+    """
+
+    model: str
+    sides: tuple[Side, ...] = SIDES
+
 
 _HOMES = {
-    "r1": "mpvi_bt.hands.robots.r1:R1",
-    "fetch": "mpvi_bt.hands.robots.fetch:FETCH",
-    "r1pro": "mpvi_bt.hands.robots.r1pro:R1PRO",
+    "r1": Home("mpvi_bt.hands.robots.r1:R1"),
+    "fetch": Home("mpvi_bt.hands.robots.fetch:FETCH", ("right",)),
+    "r1pro": Home("mpvi_bt.hands.robots.r1pro:R1PRO"),
 }
 
 
 class Robots(Mapping[str, RobotModel]):
     """Robots by name."""
 
-    def __init__(self, homes: Mapping[str, str]) -> None:
-        """Take `homes`: the "module:attribute" of each robot."""
+    def __init__(self, homes: Mapping[str, Home]) -> None:
+        """Take `homes`: where each robot is loaded from."""
         self._homes, self._loaded = homes, dict[str, RobotModel]()
 
     def __getitem__(self, name: str) -> RobotModel:
         if name not in self._loaded:
-            module, attribute = self._homes[name].split(":")
+            module, attribute = self._homes[name].model.split(":")
             self._loaded[name] = getattr(importlib.import_module(module), attribute)
         return self._loaded[name]
 
@@ -46,3 +62,10 @@ def robot_named(name: str) -> RobotModel:
     if name not in ROBOTS:
         raise UnknownName("robot", name, ROBOTS)
     return ROBOTS[name]
+
+
+def sides_of(name: str) -> tuple[Side, ...]:
+    """The hands of the robot of that name; its model is not loaded. Raises UnknownName if there is none."""
+    if name not in _HOMES:
+        raise UnknownName("robot", name, _HOMES)
+    return _HOMES[name].sides

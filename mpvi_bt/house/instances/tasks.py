@@ -12,12 +12,12 @@ from pydantic import Field
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError
 from mpvi_bt.ground.file_kinds import expect
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 from mpvi_bt.house.goals.formula import Literal, literals, signed
 from mpvi_bt.house.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem
 from mpvi_bt.house.instances.feasible import why_impossible
-from mpvi_bt.house.instances.human import human_stats
 from mpvi_bt.house.instances.words import known_words
 from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.layout.start_facts import asked_for, with_all

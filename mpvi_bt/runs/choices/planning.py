@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from mpvi_bt.executive.plan.language_planner import LanguagePlanner
 from mpvi_bt.executive.plan.planners import Planner, RecordedPlanner
@@ -10,14 +11,13 @@ from mpvi_bt.executive.plan.planning_context import PlanningContext
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.robot.protocol import SIDES, Side
-from mpvi_bt.ground.robot.robots import robot_named
-from mpvi_bt.house.goals.problem import load_problem
-from mpvi_bt.house.instances.tasks import Task
-from mpvi_bt.house.layout.house import load_house
-from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.ground.robot.robots import sides_of
 from mpvi_bt.runs.choices.backends import NOBODY, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
+
+if TYPE_CHECKING:
+    from mpvi_bt.house.instances.tasks import Task
 
 
 def make_planner(
@@ -48,7 +48,7 @@ def make_planner(
         return RecordedPlanner()
     place = house or (task.house if task else None)
     skills = load_skills()
-    grounding = ground(place, task, robot_named(config.robot).sides) if place else None
+    grounding = ground(place, task, sides_of(config.robot)) if place else None
     if choice.part is not None:
         made: Planner = choice.make(skills=skills, grounding=grounding, tell=tell)
         return made
@@ -76,6 +76,10 @@ def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES
         UserError: There is no such house.
         FileProblems: Everything that is wrong with its file.
     """
+    from mpvi_bt.house.goals.problem import load_problem
+    from mpvi_bt.house.layout.house import load_house
+    from mpvi_bt.house.things.catalogue import load_catalogue
+
     place, catalogue = load_house(house), load_catalogue()
     fixtures = place.fixtures.values()
     names = {room.name: room.phrases for room in place.rooms.values()}

@@ -342,8 +342,8 @@ def settings_for(given: str, task: str | None, robot: str | None) -> DialectSett
     """
     from mpvi_bt.executive.remote.dialect_settings import load_settings
     from mpvi_bt.executive.remote.task_settings import check_robot, with_task
+    from mpvi_bt.ground.human import human_stats
     from mpvi_bt.ground.robot.robots import robot_named
-    from mpvi_bt.house.instances.human import human_stats
 
     settings = load_settings(given)
     if robot is not None:

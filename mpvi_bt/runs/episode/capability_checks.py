@@ -8,13 +8,12 @@ from typing import Any
 from mpvi_bt.executive.behaviors.parameters import Prompt
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.pattern import pattern
-from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skills
+from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skills, shipped_skills
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.ground.errors import Problem, UserError, nearest, shown
 from mpvi_bt.ground.marked_yaml import SourceMarks
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import SIDES
-from mpvi_bt.hands.policies.repertoire import REPERTOIRE
+from mpvi_bt.ground.robot.robots import sides_of
 from mpvi_bt.runs.choices.backends import BACKENDS, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
 
@@ -26,20 +25,20 @@ def lint_skill(data: Any, marks: SourceMarks) -> list[Problem]:
     """The warning of a skill that none of our policies knows how to do, of a file without errors."""
     if (like := data.get("like")) is not None:
         return list(_unlike(data, like, marks))
-    if data.get("motion") is not None or (name := data["name"]) in REPERTOIRE:
+    if data.get("motion") is not None or (name := data["name"]) in shipped_skills():
         return []
     message = (
         f"none of our policies ({', '.join(SCRIPTED)}) knows how to do {name!r}, only perhaps that of a server "
         f"({', '.join(_SERVERS)}); where one of theirs does it as well, say which by `like`, or name yours by `motion`"
     )
-    more: dict[str, Any] = {"nearest": nearest(name, REPERTOIRE), "known": tuple(sorted(REPERTOIRE))}
+    more: dict[str, Any] = {"nearest": nearest(name, shipped_skills()), "known": shipped_skills()}
     return [marks.problem(("name",), "no-doer", message, severity="warning", **more)]
 
 
 def _unlike(data: Any, like: str, marks: SourceMarks) -> Iterator[Problem]:
     """What keeps a skill from being done as another one is: that has no motion, or no such words to fill in."""
-    if like not in REPERTOIRE:
-        yield marks.unknown(("like",), "skill", like, REPERTOIRE)
+    if like not in shipped_skills():
+        yield marks.unknown(("like",), "skill", like, shipped_skills())
     elif (known := load_skills().get(like)) is not None:
         theirs = list(dict.fromkeys(slot for phrase in known.patterns for slot in phrase.slots))
         for i, phrase in enumerate(data["phrases"]):
@@ -57,26 +56,25 @@ def doubt(config: EpisodeConfig, spec: TreeSpec, skills: Mapping[str, Skill]) ->
     asked = {
         call.skill.name: path
         for path, _, call in _calls(spec, skills)
-        if not call.skill.motion and call.motion not in REPERTOIRE
+        if not call.skill.motion and call.motion not in shipped_skills()
     }
     what = ", ".join(f"{skill!r} ({path})" for skill, path in asked.items())
     return f"policy {name} does not know how to do {what}: these units will fail" if asked else ""
 
 
-def check_hands(robot: RobotModel, spec: TreeSpec, skills: Mapping[str, Skill]) -> None:
-    """Refuse a tree that is for other hands than a robot has.
+def check_hands(robot: str, spec: TreeSpec, skills: Mapping[str, Skill]) -> None:
+    """Refuse a tree that is for other hands than the robot of a name has.
 
     Raises:
         UserError: The first prompt that asks for two hands where there is one, or for a hand that is not there.
     """
+    sides = sides_of(robot)
     for path, clause, call in _calls(spec, skills):
-        if call.skill.hands > len(robot.sides):
-            raise UserError(f"{path}: {shown(clause)} takes two hands (skill {call.skill.name}); {robot.name} has one.")
+        if call.skill.hands > len(sides):
+            raise UserError(f"{path}: {shown(clause)} takes two hands (skill {call.skill.name}); {robot} has one.")
         hand = call.arguments.get("hand")
-        if hand in SIDES and hand not in robot.sides:
-            raise UserError(
-                f"{path}: {shown(clause)} is for the {hand} hand; {robot.name} has the {robot.sides[0]} one."
-            )
+        if hand in SIDES and hand not in sides:
+            raise UserError(f"{path}: {shown(clause)} is for the {hand} hand; {robot} has the {sides[0]} one.")
 
 
 def _calls(spec: TreeSpec, skills: Mapping[str, Skill]) -> Iterator[tuple[str, str, SkillCall]]:

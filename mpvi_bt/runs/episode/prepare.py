@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from mpvi_bt.executive.behaviors.parameters import Pause, Watch
 from mpvi_bt.executive.monitors.calibration import Calibration, load_calibration
@@ -20,12 +21,9 @@ from mpvi_bt.executive.tree.yaml_io import check_tree
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UserError
 from mpvi_bt.ground.marked_yaml import SourceMarks, load_marked
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.ground.robot.robots import sides_of
 from mpvi_bt.ground.writing import write_whole
-from mpvi_bt.house.instances.splits import check_split
-from mpvi_bt.house.instances.tasks import Task, load_task
-from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.runs.choices.backends import NOBODY, choose, name_of
 from mpvi_bt.runs.choices.checkers import check_checker_choice
 from mpvi_bt.runs.choices.checkers import doubt as checker_doubt
@@ -33,12 +31,16 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.runs.choices.lateness import latency_of
+from mpvi_bt.runs.choices.named_task import rooms_of, task_named
 from mpvi_bt.runs.choices.planning import ground, make_planner
 from mpvi_bt.runs.choices.policies import check_policy_choice, rate_doubt
 from mpvi_bt.runs.choices.simulators import check_simulator_choice
 from mpvi_bt.runs.episode.capability_checks import check_hands
 from mpvi_bt.runs.episode.capability_checks import doubt as doer_doubt
 from mpvi_bt.runs.episode.saved_episode import SavedEpisode
+
+if TYPE_CHECKING:
+    from mpvi_bt.house.instances.tasks import Task
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def prepare(
         FileProblems: All that is wrong with a file, rooms that the task's house lacks, or rules that fit no node.
         ModelError: A language model is to plan, and makes no plan.
     """
-    task = load_task(config.task) if config.task else None
+    task = task_named(config.task) if config.task else None
     skills, arguments = load_skills(), dict(config.arguments)
     models, planned = Models(config), None
     arrange = arrangement(config, skills)
@@ -109,7 +111,7 @@ def prepare(
             raise UserError("the tree of a file has its own units; --unit is for plans.")
         spec = _tree(given if isinstance(given, TreeSpec) else config.tree, task, skills, arguments)
     elif config.plan is not None:
-        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot_named(config.robot))
+        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, sides_of(config.robot))
         spec = compile_plan(plan, skills, config.on_failure, config.drive, arrange)
     elif task is not None and config.planner == NOBODY:
         spec = compile_instruction(config.task_name, task.instruction)
@@ -119,11 +121,11 @@ def prepare(
             config.planned.parent.mkdir(parents=True, exist_ok=True)
             write_whole(config.planned, planned.plan.to_json())
         spec = compile_plan(planned.plan, skills, config.on_failure, config.drive, arrange)
-        if problems := check_rooms(spec, load_house(task.house).rooms):
+        if problems := check_rooms(spec, rooms_of(task.house)):
             raise FileProblems(problems)
     else:
         raise UserError("there is nothing to run: name a task, a tree or a plan.")
-    check_hands(robot_named(config.robot), spec, skills)
+    check_hands(config.robot, spec, skills)
     if planned is not None and (late_s := latency_of(config, "planner")(0)) > 0:
         wait = NodeSpec("wait", Pause(duration=late_s), "")
         spec = replace(spec, root=replace(spec.root, children=(wait, *spec.root.children)))
@@ -207,18 +209,18 @@ def _tree(
     if spec.unbound:
         wanted = " ".join(f"--param {name}={spec.parameters[name].type.upper()}" for name in spec.unbound)
         raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
-    if task is not None and (problems := check_rooms(spec, load_house(task.house).rooms, marks)):
+    if task is not None and (problems := check_rooms(spec, rooms_of(task.house), marks)):
         raise FileProblems(problems)
     return spec
 
 
-def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], robot: RobotModel) -> Plan:
+def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], sides: tuple[Side, ...]) -> Plan:
     if isinstance(given, Plan):
         plan, marks = given, SourceMarks(named(given))
     else:
         data, marks = load_marked(paths.find_or_file("tasks/plans", given))
         plan = check_plan(data, marks)
-    found = plan_problems(plan, skills, ground(task.house, task, robot.sides) if task else None, marks)
+    found = plan_problems(plan, skills, ground(task.house, task, sides) if task else None, marks)
     if wrong := [problem for problem in found if problem.severity == "error"]:
         raise FileProblems(wrong)
     return plan
@@ -262,8 +264,7 @@ def prepare_episode(
         ModelError: As of `prepare`.
     """
     check_backends(config)
-    load_task(config.task).check_instance(config.instance)
-    check_split(config.split)
+    _check_start(config)
     for doubt in language_doubts([config]):  # before a key is sent
         tell(doubt)
     ready = prepare(config, tell, given)
@@ -284,10 +285,17 @@ def check_episode(config: EpisodeConfig) -> Prepared | None:
     asks_a_model = choose("planner", config.planner).name not in ("recorded", NOBODY)
     if config.tree is None and config.plan is None and asks_a_model:
         check_backends(config)
-        load_task(config.task).check_instance(config.instance)
-        check_split(config.split)
+        _check_start(config)
         return None
     return prepare_episode(config)
+
+
+def _check_start(config: EpisodeConfig) -> None:
+    """Raise UserError unless the task, its instance and its split exist."""
+    from mpvi_bt.house.instances.splits import check_split
+
+    task_named(config.task).check_instance(config.instance)
+    check_split(config.split)
 
 
 def _replanner(
@@ -303,13 +311,13 @@ def _replanner(
         return None
     if choose("planner", config.planner).name not in ("recorded", NOBODY):
         return make_planner(config, task, models)
-    robot = robot_named(config.robot)
+    sides = sides_of(config.robot)
     if config.plan is not None:
-        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot)
-        return LaterPlanner(plan, skills, robot.sides)
+        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, sides)
+        return LaterPlanner(plan, skills, sides)
     if task is None or config.tree is not None:
         return None
-    return LaterPlanner(RecordedPlanner().plan(task.plan), skills, robot.sides)
+    return LaterPlanner(RecordedPlanner().plan(task.plan), skills, sides)
 
 
 def _check_replanning(ready: Prepared) -> None:
@@ -338,7 +346,7 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
         UserError: Its task is not there any more, or the like.
         FileProblems: Its tree is none, or its rules are none.
     """
-    task = load_task(config.task) if config.task else None
+    task = task_named(config.task) if config.task else None
     if task is None and not saved.dry:
         raise UserError("the saved episode names no task.")
     if task is not None and not saved.dry:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue, model_validator
 
@@ -22,17 +22,19 @@ from mpvi_bt.executive.monitors.handoff import Handoff
 from mpvi_bt.executive.plan.planners import Planned
 from mpvi_bt.executive.ticking.goal_report import GoalReport, conditions_met
 from mpvi_bt.ground import paths
+from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.marked_yaml import Amount, Count, Record, Share
 from mpvi_bt.ground.version import __version__
 from mpvi_bt.ground.writing import unwritable, write_whole
-from mpvi_bt.house.instances.human import human_stats
-from mpvi_bt.house.instances.tasks import Task
 from mpvi_bt.runs.choices.backends import privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.runs.episode.queries import Queries
 from mpvi_bt.runs.episode.result_html import result_html, result_line
 from mpvi_bt.runs.episode.way import Way
+
+if TYPE_CHECKING:
+    from mpvi_bt.house.instances.tasks import Task
 
 _IF_ANY = Field(exclude_if=lambda value: value is None)  # a key that most results would have as null
 

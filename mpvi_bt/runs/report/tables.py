@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mpvi_bt.executive.drawing.endings import ENDED, WELL
+from mpvi_bt.ground.human import Human, human_stats
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
-from mpvi_bt.house.instances.human import Human, human_stats
 from mpvi_bt.runs.report.compare import MethodComparison
 from mpvi_bt.runs.report.failures import Failures
 from mpvi_bt.runs.report.figures import Figures, Group, MethodFigures

@@ -25,11 +25,11 @@ from mpvi_bt.executive.remote.reading import CHUNK, RESET
 from mpvi_bt.executive.ticking.goal_report import GoalReport
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.human import Human, human_stats
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
-from mpvi_bt.house.instances.human import Human, human_stats
 from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import Task, load_task
 from mpvi_bt.house.layout.house import load_house

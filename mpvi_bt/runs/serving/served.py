@@ -22,9 +22,8 @@ from mpvi_bt.executive.tree.compile import compile_instruction, compile_plan
 from mpvi_bt.executive.tree.substitute import stand_ins
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BadMessage, NodeError, UserError, nearest, shown
+from mpvi_bt.ground.human import task_of_id
 from mpvi_bt.ground.robot.robots import robot_named
-from mpvi_bt.hands.robots.r1pro import R1PRO
-from mpvi_bt.house.instances.human import task_of_id
 from mpvi_bt.runs.choices.backends import NOBODY, choose, privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
@@ -94,7 +93,7 @@ def executive_server(
 
 def check_robot(dialect: str, robot: str) -> None:
     """Raise UserError if a dialect has no numbers for a robot."""
-    if dialect != OwnKeys.name and robot != R1PRO.name:
+    if dialect != OwnKeys.name and robot != "r1pro":
         raise UserError(f"{dialect} is of BEHAVIOR's R1Pro, not of the {robot}: choose --robot r1pro.")
 
 
