@@ -200,7 +200,7 @@ def _instructed(config: EpisodeConfig, name: str, instruction: str, tell: Callab
         planned = planner.ask(name, instruction)
         plan = planned.plan
     spec = compile_plan(plan, skills, config.on_failure, config.drive, arrangement(config, skills))
-    check_hands(robot_named(config.robot), spec, skills)
+    check_hands(config.robot, spec, skills)
     return Prepared(None, skills, spec, None, models, planned, planner=planner)
 
 
