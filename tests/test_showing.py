@@ -14,8 +14,9 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.hands.motion.gaze import look_into
+from mpvi_bt.hands.motion.viewpoints import step_up
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.policies.result_views import done_at, fell_beside, step_up, views
+from mpvi_bt.hands.policies.result_views import done_at, fell_beside, views
 from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene

@@ -16,12 +16,13 @@ from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import ActionLayout, CameraImage, Proprioception
 from mpvi_bt.hands.motion.approach import close_in
 from mpvi_bt.hands.motion.gaze import studied, study
+from mpvi_bt.hands.motion.viewpoints import Look
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.visual_search import look_from_elsewhere
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1pro import R1PRO
-from mpvi_bt.hands.skills.inside import Look, looks_inside
+from mpvi_bt.hands.skills.inside import looks_inside
 from mpvi_bt.hands.skills.place import place_in
 from mpvi_bt.hands.stance.stance import Stance
 from mpvi_bt.hands.stance.stance_search import Search

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 
 from mpvi_bt.executive.plan.skills import SkillCall
-from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import norm
-from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Actions
 from mpvi_bt.hands.motion.carry import back_off, upright
 from mpvi_bt.hands.motion.gaze import look_at, look_into
+from mpvi_bt.hands.motion.viewpoints import step_up
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills.spots import is_floor
-from mpvi_bt.hands.stance.site import base_clear
 
 _WHERE = ("container", "surface", "target", "object")  # slots that name what to look at, the first that does
 
@@ -25,37 +22,10 @@ _WHERE = ("container", "surface", "target", "object")  # slots that name what to
 class ResultViews:
     """Where the result of the work is looked at from."""
 
-    from_m: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8)  # distances of a look into a thing from its middle [m]; our choice
-    from_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)  # bearings of these looks [rad]; our choice
-    step_m: float = 0.1  # distance between two checks of the way there [m]; our choice
     beside_m: float = 0.15  # largest distance from a container's box to a dropped thing that missed it [m]; our choice
 
 
 _SHOW = ResultViews()
-
-
-def step_up(work: Work, name: str) -> Actions:
-    """Look into a thing from the nearest place that there is a straight way to: its near wall hides what is behind it.
-
-    Raises as any motion.
-    """
-    here, near, body, place = work.motion.felt.base_pose, work.near(), work.body(), work.middle(name)[:2]
-    bearing, gap = float(np.arctan2(*(place - here[:2])[::-1])), float(norm(place - here[:2]))
-
-    def clear(pose: Array) -> bool:
-        around = near.seen_from(kin.base(pose))
-        return base_clear(body.robot, around) and replace(body, around=around).all_free()
-
-    for far, turn in product((m for m in _SHOW.from_m if m < gap), _SHOW.from_rad):
-        heading = bearing + turn
-        goal = np.array([*(place - far * np.array([np.cos(heading), np.sin(heading)])), heading])
-        way = goal - here
-        way[2] = kin.wrap(way[2])
-        steps = 1 + int(norm(way[:2]) / _SHOW.step_m)
-        if all(clear(here + u * way) for u in np.linspace(1, 0, steps, endpoint=False)):
-            yield from work.motion.drive(goal)
-            break
-    yield from look_into(work, name)
 
 
 def stand_back(work: Work, *names: str) -> Actions:

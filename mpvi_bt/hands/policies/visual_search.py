@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import Obstacles
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.hands.motion.both_hands import look_over
 from mpvi_bt.hands.motion.gaze import look_down
+from mpvi_bt.hands.motion.viewpoints import VIEWS, Look, climb, drive_straight, elsewhere, look_from
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.stance.site import base_clear
 
 
 @dataclass(frozen=True)
@@ -40,19 +39,15 @@ class SearchViews:
     turns: tuple[tuple[float, int], ...] = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
     elsewhere: int = 4  # looks at each place that it strolls to
     again: int = 3  # looks at another side of a known place
-    before_m: float = 0.9  # distance of the robot from the work place, as navigation hands over [m]
-    around_rad: tuple[float, ...] = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)  # other bearings of looks at this place [rad]
-    farther_m: tuple[float, ...] = (1.3, 1.8)  # distances to look at it from, if nothing nearer can be reached [m]
     strolls: int = 40  # random places that it drives to after that
     stroll_m: tuple[float, float] = (0.5, 1.5)  # least and largest distance of such a place [m]
-    step_m: float = 0.15  # distance between two checks of the way [m]
 
 
 _LOOK = SearchViews()
 Found = Callable[[], bool]
 
 
-def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Generator[Array, None, bool]:
+def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Look:
     """Look until `found` says so.
 
     It looks around from where it stands, then from other sides of the place before it, as far as the way there is seen
@@ -67,22 +62,21 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
         Whether it was found before there was nowhere else to go.
     """
     yield from look_over(work)
-    start = work.motion.felt.base_pose.copy()
-    for turn, looks in _LOOK.turns:
+    start, before_m = work.motion.felt.base_pose.copy(), VIEWS.elsewhere_m[0]
+
+    def turned(turn: float, looks: int) -> Look:
         if turn:
             with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
                 yield from work.motion.drive(start + [0, 0, turn])
-        if (yield from _look(work, found, looks)):
-            return True
-    place = start[:2] + _LOOK.before_m * np.array([np.cos(start[2]), np.sin(start[2])])
-    for goal in chain(_views(place, float(start[2]), _LOOK.before_m), _strolls(work)):
-        if not _free(work, goal, passable()):
-            continue
-        with contextlib.suppress(MotionFailure):
-            yield from work.motion.drive(goal)
-        if (yield from _look(work, found, _LOOK.elsewhere)):
-            return True
-    return False
+        return (yield from _look(work, found, looks))
+
+    def gone_to(goal: Array) -> Look:
+        way = drive_straight(work, goal, passable())
+        return (yield from way) and (yield from _look(work, found, _LOOK.elsewhere))
+
+    place = start[:2] + before_m * np.array([np.cos(start[2]), np.sin(start[2])])
+    goals = chain(elsewhere(place, float(start[2]), before_m), _strolls(work))
+    return (yield from climb(chain((turned(*each) for each in _LOOK.turns), map(gone_to, goals))))
 
 
 def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacles]) -> Actions:
@@ -93,15 +87,12 @@ def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacl
     here = work.motion.felt.base_pose
     bearing = float(np.arctan2(place[1] - here[1], place[0] - here[0]))
     around = passable()
-    for goal in chain(*(_views(place, bearing, far) for far in (_LOOK.before_m, *_LOOK.farther_m))):
-        if _free(work, goal, around):
-            with contextlib.suppress(MotionFailure):
-                yield from work.motion.drive(goal)
-            yield from _look(work, lambda: False, _LOOK.again)
-            return
+    goals = chain.from_iterable(elsewhere(place, bearing, far) for far in VIEWS.elsewhere_m)
+    ways = (drive_straight(work, goal, around) for goal in goals)
+    yield from climb(look_from(way, _look(work, lambda: False, _LOOK.again)) for way in ways)
 
 
-def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
+def _look(work: Work, found: Found, looks: int) -> Look:
     held = bool(work.in_hands())
     for lift, tilt in _LOOK.looks[:looks]:
         robot = work.motion.robot
@@ -118,24 +109,9 @@ def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
     return False
 
 
-def _views(place: Array, bearing: float, far_m: float) -> Iterator[Array]:
-    """Base poses (3,) that look at a place (2,) from other sides than the one with this bearing [rad] to it."""
-    for turn in _LOOK.around_rad:
-        heading = float(kin.wrap(bearing + turn))
-        yield np.append(place - far_m * np.array([np.cos(heading), np.sin(heading)]), heading)
-
-
 def _strolls(work: Work) -> Iterator[Array]:
     """Base poses (3,) somewhere about the robot, each drawn when the one before has been gone to or found blocked."""
     for _ in range(_LOOK.strolls):
         here = work.motion.felt.base_pose
         heading, far = here[2] + work.rng.uniform(-np.pi, np.pi), work.rng.uniform(*_LOOK.stroll_m)
         yield np.array([here[0] + far * np.cos(heading), here[1] + far * np.sin(heading), kin.wrap(heading)])
-
-
-def _free(work: Work, goal: Array, around: Obstacles) -> bool:
-    here, around = work.motion.felt.base_pose, work.with_bumps(around)
-    way = goal[:2] - here[:2]
-    count = max(2, int(np.ceil(norm(way) / _LOOK.step_m)))
-    poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]
-    return all(base_clear(work.motion.robot, around.seen_from(kin.base(pose))) for pose in poses)

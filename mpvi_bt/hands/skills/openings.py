@@ -14,7 +14,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, bounds
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
-from mpvi_bt.hands.motion.gaze import study
+from mpvi_bt.hands.motion.viewpoints import drive_around, look_from_aside, look_over
 from mpvi_bt.hands.motion.work import Work
 
 _PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
@@ -24,8 +24,6 @@ _RANKS = {  # of doors, from the top
 }  # fmt: skip
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
 
-FACING_RAD = 0.15  # our choice: what is less far off straight ahead is faced; a small part of what the camera sees
-
 
 @dataclass(frozen=True)
 class DoorViews:
@@ -34,12 +32,8 @@ class DoorViews:
     Our choice, by kitchen furniture.
     """
 
-    looks: int = 2  # looks at the whole front, with a turn between them; the first shows where its middle is
     beside_rad: float = 1.5  # turn from facing a door that shows the room beside the base on the hinge's side [rad]
     down_rad: float = 0.5  # tilt of the head for that look [rad]
-    # bearings off the present one that may show the outside of an open door [rad]
-    aside_rad: tuple[float, ...] = (0.7, -0.7, 1.2, -1.2)
-    aside_m: float = 1.2  # least distance of that view [m]
     before_m: float = 1.1  # distance to stand before a face [m]
     stage_rad: float = 0.6  # angle between two looks on the way around a thing [rad]
     same_m: float = 0.15  # largest distance between the middles of one door that is seen twice [m]
@@ -96,35 +90,6 @@ def _plain(phrase: str) -> str:
     return re.sub(r"^(?:the|an?)\s+", "", " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split()))
 
 
-def look_over(work: Work, thing: str) -> Actions:
-    """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
-    if not work.scene.needs_looks:
-        return
-    for looks in range(_VIEWS.looks):
-        middle = work.middle(thing)[:2]
-        x, y, yaw = work.motion.felt.base_pose
-        bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
-        if abs(kin.wrap(bearing - yaw)) > FACING_RAD:
-            yield from work.motion.drive(np.array([x, y, bearing]))
-        elif looks:
-            return
-        yield from study(work, thing)
-
-
-def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
-    """Look at a thing from another side; returns whether there is a way to one. The truth needs no look."""
-    if not work.scene.needs_looks:
-        return False
-    x, y, _ = work.motion.felt.base_pose
-    middle = work.middle(thing)[:2]
-    bearing = float(np.arctan2(y - middle[1], x - middle[0]))
-    for turn in _VIEWS.aside_rad:
-        if (yield from _go_where(work, thing, middle, bearing + turn)):
-            yield from look_over(work, thing)
-            return True
-    return False
-
-
 def seen_twice(work: Work, thing: str, doors: Sequence[Door]) -> Generator[Array, None, bool]:
     """Look at doors from another side, for from one alone an open door may look closed and a closed one open.
 
@@ -171,7 +136,7 @@ def stand_before(
     left = float(kin.wrap(np.arctan2(goal[1], goal[0]) - bearing))
     stages = int(np.ceil(abs(left) / _VIEWS.stage_rad))
     for k in range(1, stages + 1):
-        if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
+        if not (yield from drive_around(work, thing, middle, bearing + left * k / stages)):
             return False
         yield from work.see("head")
         if door is not None and _otherwise(work, thing, door):
@@ -200,21 +165,6 @@ def stand_before_front(work: Work, thing: str, door: Door) -> Actions:
 def _otherwise(work: Work, thing: str, door: Door) -> bool:
     now = work.scene.doors(thing)
     return bool(now) and not any(stands_as(door, other) for other in now)
-
-
-def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
-    """Go around a place (2,) to a bearing and face it; returns whether a way there is seen, and found, to be free."""
-    here = work.motion.felt.base_pose.copy()
-    far = max(_VIEWS.aside_m, float(norm(here[:2] - middle)))
-    goal = np.append(middle + far * np.array([np.cos(bearing), np.sin(bearing)]), float(kin.wrap(bearing + np.pi)))
-    with work.scene.trusting(remembering=True):
-        route = work.search("right", {thing}).route(here, goal)
-    try:
-        for base in route or ():
-            yield from work.motion.drive(base)
-    except MotionFailure:  # a wall that no picture showed
-        return False
-    return route is not None
 
 
 def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:
