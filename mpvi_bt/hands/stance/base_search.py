@@ -14,13 +14,15 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import NOTHING, Obstacles, Surroundings, Together
 from mpvi_bt.ground.robot.drives import legs
+from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.stance.effort import Effort
 from mpvi_bt.hands.stance.refusals import deepest
 from mpvi_bt.hands.stance.site import Site
@@ -122,6 +124,26 @@ def about(places: Array, yaw: Array | float, ahead: Array | float, left: Array |
 def ranked(cost: Array) -> NDArray[np.intp]:
     """(n,) indices of candidates, the cheapest first; of two that cost the same, the first first."""
     return np.argsort(cost, kind="stable")
+
+
+def before(
+    place: Array, heading: float, offsets: tuple[ArrayLike, ArrayLike, ArrayLike], side: Side, here: Array,
+    cost: Callable[[Array, Array, Array, Array], Array],
+) -> Array:  # fmt: skip
+    """(n, 3) base poses before a place (2,) in the world, looking along `heading` [rad] or past it, the cheapest first.
+
+    Args:
+        place: What a hand works on.
+        heading: Straight to the place.
+        offsets: Distances ahead to the place, and to the side of the hand [m]; turns off the heading [rad].
+        side: The hand.
+        here: (3,) where the base is.
+        cost: Of base poses by their offsets, each (n,), and by the way there [m].
+    """
+    ahead, lateral, turn = (axis.ravel() for axis in np.meshgrid(*offsets, indexing="ij"))
+    bases = about(place, heading + turn, ahead, lateral * SIGN[side])
+    bases[:, 2] = kin.wrap(bases[:, 2])
+    return bases[ranked(cost(ahead, lateral, turn, norm(bases[:, :2] - here[:2], axis=1)))]
 
 
 def behind(base: Array, by_m: float) -> Array:

@@ -13,13 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.collision import Body, Obstacles, Surroundings, Together
-from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.protocol import Side, other
-from mpvi_bt.hands.stance.base_search import WORK_PLACE, Alike, BaseSearch, Budget, about, first, ranked
+from mpvi_bt.hands.stance.base_search import WORK_PLACE, Alike, BaseSearch, Budget, before, first
 from mpvi_bt.hands.stance.postures import WAY_MARGINS_M
 from mpvi_bt.hands.stance.site import FLOOR, Standing, base_clear
 
@@ -305,11 +304,11 @@ class CourseSearch(BaseSearch):
 
 def _bases(here: Array, focus: Array, heading: float, side: Side) -> Array:
     """(n, 3) base poses before a place (2,) in the world, looking along `heading` or past it, the plainest first."""
-    grid = np.meshgrid(_COURSE.ahead_m, _COURSE.laterals_m, _COURSE.turns_rad, indexing="ij")
-    ahead, lateral, turn = (axis.ravel() for axis in grid)
-    bases = about(focus, heading + turn, ahead, lateral * SIGN[side])
-    bases[:, 2] = kin.wrap(bases[:, 2])
-    off = WORK_PLACE.ahead * np.abs(ahead - _COURSE.best_m)
-    off += WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m)
-    cost = off + _COURSE.turn_cost * np.abs(turn) + _COURSE.way_cost * norm(bases[:, :2] - here[:2], axis=1)
-    return bases[ranked(cost)]
+    offsets = _COURSE.ahead_m, _COURSE.laterals_m, _COURSE.turns_rad
+
+    def cost(ahead: Array, lateral: Array, turn: Array, way: Array) -> Array:
+        off = WORK_PLACE.ahead * np.abs(ahead - _COURSE.best_m)
+        off += WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m)
+        return off + _COURSE.turn_cost * np.abs(turn) + _COURSE.way_cost * way
+
+    return before(focus, heading, offsets, side, here, cost)

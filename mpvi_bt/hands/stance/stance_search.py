@@ -11,23 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import Load
-from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.hands.stance.base_search import (
-    KNOWN_M,
-    WORK_PLACE,
-    Alike,
-    BaseSearch,
-    Budget,
-    about,
-    behind,
-    first,
-    ranked,
-)
+from mpvi_bt.hands.stance.base_search import KNOWN_M, WORK_PLACE, Alike, BaseSearch, Budget, before, behind, first
 from mpvi_bt.hands.stance.detour import Detours
 from mpvi_bt.hands.stance.postures import TOUCH_M, stance_at
 from mpvi_bt.hands.stance.stance import Option, Stance
@@ -228,11 +216,11 @@ def _lane(start: Array, end: Array) -> Array:
 def _bases(here: Array, focus: Array, side: Side) -> Array:
     """(n, 3) base poses about a place (2,) in the world, the nearest and plainest first."""
     bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
-    grid = np.meshgrid(_DISTANCES_M, _BASES.laterals_m, _BASES.turns_rad, indexing="ij")
-    distance, lateral, turn = (axis.ravel() for axis in grid)
-    bases = about(focus, bearing + turn, distance, lateral * SIGN[side])
-    near = _BASES.way_cost * norm(bases[:, :2] - here[:2], axis=1) + _BASES.turn_cost * np.abs(turn)
-    ahead = WORK_PLACE.ahead * np.abs(distance - _BASES.best_m)
-    cost = near + ahead + WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m)
-    bases[:, 2] = kin.wrap(bases[:, 2])
-    return bases[ranked(cost)]
+    offsets = _DISTANCES_M, _BASES.laterals_m, _BASES.turns_rad
+
+    def cost(ahead: Array, lateral: Array, turn: Array, way: Array) -> Array:
+        near = _BASES.way_cost * way + _BASES.turn_cost * np.abs(turn)
+        off = WORK_PLACE.ahead * np.abs(ahead - _BASES.best_m)
+        return np.asarray(near + off + WORK_PLACE.lateral * np.abs(lateral - WORK_PLACE.lateral_m))
+
+    return before(focus, bearing, offsets, side, here, cost)
