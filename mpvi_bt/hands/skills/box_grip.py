@@ -20,7 +20,7 @@ from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.motion.both_hands import BENDING
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.stance.base_search import RUN_UPS_M, Alike, Budget, about, behind, first, ranked
+from mpvi_bt.hands.stance.base_search import RUN_UPS_M, Alike, SearchBudget, about, behind, first, ranked
 from mpvi_bt.hands.stance.stance_search import Search
 
 
@@ -208,7 +208,7 @@ def _find(work: Work, search: Search, bases: Array, boxes: list[Box]) -> BoxGrip
             return None, 1.0
         return replace(grip, way=way), 1.0
 
-    return first(bases, check, _BEEN, search.tried, Budget(_STANCES.bases))
+    return first(bases, check, _BEEN, search.tried, SearchBudget(_STANCES.bases))
 
 
 def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> BoxGrip | None:

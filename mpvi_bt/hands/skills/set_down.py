@@ -19,7 +19,7 @@ from mpvi_bt.hands.motion.work import NEAR_M, Perform, Words, Work
 from mpvi_bt.hands.skills.box_grip import Box, seen_box
 from mpvi_bt.hands.skills.placing import SETTING
 from mpvi_bt.hands.skills.spots import floor_around, is_floor
-from mpvi_bt.hands.stance.base_search import RUN_UPS_M, Alike, Budget, about, behind, first, ranked
+from mpvi_bt.hands.stance.base_search import RUN_UPS_M, Alike, SearchBudget, about, behind, first, ranked
 from mpvi_bt.hands.stance.stance_search import Search
 
 
@@ -165,7 +165,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
         search.refusals.add("arm or trunk in the way")
         return None, 1.0
 
-    return first(bases, check, _BEEN, search.tried, Budget())
+    return first(bases, check, _BEEN, search.tried, SearchBudget())
 
 
 def _drive_in(back: Array, base: Array) -> Array:

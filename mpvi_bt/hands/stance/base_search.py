@@ -87,7 +87,7 @@ class Alike:
 
 
 @dataclass(eq=False)
-class Budget:
+class SearchBudget:
     """What one search may take.
 
     Attributes:
@@ -153,7 +153,7 @@ def behind(base: Array, by_m: float) -> Array:
 
 def first(
     bases: Array, check: Callable[[int], tuple[_Found | None, float]], alike: Alike, failed: Sequence[Array],
-    budget: Budget, reached: Callable[[int], bool] = lambda k: True,
+    budget: SearchBudget, reached: Callable[[int], bool] = lambda k: True,
 ) -> _Found | None:  # fmt: skip
     """What is found at the first base pose where something is found; None if there is none.
 

@@ -18,7 +18,7 @@ from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.collision import Body, Obstacles, Surroundings, Together
 from mpvi_bt.ground.robot.protocol import Side, other
-from mpvi_bt.hands.stance.base_search import WORK_PLACE, Alike, BaseSearch, Budget, before, first
+from mpvi_bt.hands.stance.base_search import WORK_PLACE, Alike, BaseSearch, SearchBudget, before, first
 from mpvi_bt.hands.stance.postures import WAY_MARGINS_M
 from mpvi_bt.hands.stance.site import FLOOR, Standing, base_clear
 
@@ -162,7 +162,7 @@ class CourseSearch(BaseSearch):
                     return found, spent
             return None, spent
 
-        budget = Budget(_COURSE.most_effort, self.effort)
+        budget = SearchBudget(_COURSE.most_effort, self.effort)
         start = first(bases, check, _BEEN, self.tried, budget, reached)
         if budget.left:
             self.refusals.add("and more not looked at, as planning took too long")

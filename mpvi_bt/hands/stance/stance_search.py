@@ -15,7 +15,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import Load
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.hands.stance.base_search import KNOWN_M, WORK_PLACE, Alike, BaseSearch, Budget, before, behind, first
+from mpvi_bt.hands.stance.base_search import KNOWN_M, WORK_PLACE, Alike, BaseSearch, SearchBudget, before, behind, first
 from mpvi_bt.hands.stance.detour import Detours
 from mpvi_bt.hands.stance.postures import TOUCH_M, stance_at
 from mpvi_bt.hands.stance.stance import Option, Stance
@@ -94,7 +94,7 @@ class Search(BaseSearch):
             return found, effort
 
         for alike in (SPACINGS[k] for k in spacings):
-            budget = Budget(_BASES.checked, self.effort)
+            budget = SearchBudget(_BASES.checked, self.effort)
             if (found := first(bases, check, alike, failed, budget)) is not None:
                 self.effort.failed.clear()
                 return found
@@ -119,7 +119,7 @@ class Search(BaseSearch):
             failed.append(left[k])
             return (detours.way(left[k]) if self.route(here, left[k]) is None else None), 0.0
 
-        if (way := first(left, check, SPACINGS[0], failed, Budget())) is not None:
+        if (way := first(left, check, SPACINGS[0], failed, SearchBudget())) is not None:
             return way
         for place in been:
             bases = bases[Alike(KNOWN_M).without(bases, place)]
