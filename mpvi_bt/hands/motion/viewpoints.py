@@ -1,6 +1,6 @@
-"""Going to look at things: viewpoints, the way to each, and one look after the other until one is enough.
+"""Go and look: viewpoints of a thing, the way to each, and one look after the other until one is enough.
 
-All ladders of looks are made here: over the front of a thing, from aside, into it, from elsewhere, from close to.
+All sequences of looks are built here: over the front of a thing, from the side, into it, from elsewhere, from close by.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mpvi_bt.hands.stance.site import base_clear
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """Where things are looked at from."""
+    """Base poses to look at things from."""
 
     facing_rad: float = 0.15  # a thing is faced if it is less far off straight ahead [rad]; our choice
     looks: int = 2  # looks at a whole front, with a turn between them; the first shows where its middle is; our choice
@@ -46,7 +46,7 @@ class Viewpoints:
 
 
 VIEWS = Viewpoints()
-Look = Generator[Array, None, bool]  # returns whether it was enough; of a way, whether it was free
+Look = Generator[Array, None, bool]  # returns whether the look was enough, or the way free
 
 
 def climb(looks: Iterable[Look]) -> Look:
@@ -58,7 +58,7 @@ def climb(looks: Iterable[Look]) -> Look:
 
 
 def look_from(way: Look, look: Actions | Look) -> Look:
-    """Look from where a way leads to; returns whether it was free."""
+    """Drive a way and look at its end; returns whether the way was free."""
     if not (yield from way):
         return False
     yield from look
@@ -66,7 +66,7 @@ def look_from(way: Look, look: Actions | Look) -> Look:
 
 
 def drive_by_known(work: Work, thing: str, goal: Array) -> Look:
-    """Drive to a viewpoint (3,) of a thing, by a way that is seen, and found, to be free."""
+    """Drive to a viewpoint (3,) of a thing, if a way there is known; returns whether it was free."""
     with work.scene.trusting(remembering=True):
         route = work.search("right", {thing}).route(work.motion.felt.base_pose.copy(), goal)
     try:
@@ -78,13 +78,13 @@ def drive_by_known(work: Work, thing: str, goal: Array) -> Look:
 
 
 def drive_around(work: Work, thing: str, middle: Array, bearing: float) -> Look:
-    """Drive around the middle (2,) of a thing to a bearing [rad], no nearer than before, and face it."""
+    """Drive around the middle (2,) of a thing to a bearing [rad] and face it; returns whether the way was free."""
     far = max(VIEWS.aside_m, float(norm(work.motion.felt.base_pose[:2] - middle)))
     return (yield from drive_by_known(work, thing, _facing(middle, bearing, far)))
 
 
 def drive_straight(work: Work, goal: Array, around: Obstacles) -> Look:
-    """Drive to a viewpoint (3,) if the base is clear of what is around all the way; as far as it gets, then."""
+    """Drive to a viewpoint (3,) if the straight way is clear of obstacles; returns whether it was."""
     here, around = work.motion.felt.base_pose, work.with_bumps(around)
     way = goal[:2] - here[:2]
     count = max(2, int(np.ceil(norm(way) / VIEWS.elsewhere_step_m)))
@@ -97,15 +97,15 @@ def drive_straight(work: Work, goal: Array, around: Obstacles) -> Look:
 
 
 def elsewhere(place: Array, bearing: float, far_m: float) -> Iterator[Array]:
-    """Viewpoints (3,) of a place (2,) from other sides than the one with this bearing [rad] to it."""
+    """Viewpoints (3,) of a place (2,) on other sides than the one that sees it at this bearing [rad]."""
     for turn in VIEWS.elsewhere_rad:
         yield about(place, float(kin.wrap(bearing + turn)), far_m, 0.0)
 
 
 def around(work: Work, name: str) -> Iterator[Array]:
-    """Viewpoints (3,) to look into a thing from: turned to it and, unless it shows room, to both sides; then around it.
+    """Viewpoints (3,) to look into a thing: here, facing it and turned to both sides; then around it.
 
-    As the thing is known when the next one is asked for.
+    Each uses what is known of the thing by then; a known volume makes the turns to both sides needless.
     """
     start = work.motion.felt.base_pose.copy()
     for turn in VIEWS.turned_rad:
@@ -122,7 +122,7 @@ def around(work: Work, name: str) -> Iterator[Array]:
 
 
 def look_over(work: Work, thing: str) -> Actions:
-    """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
+    """See the whole front of a thing: look, turn to its middle, look again. Nothing if the scene needs no looks."""
     if not work.scene.needs_looks:
         return
     for looks in range(VIEWS.looks):
@@ -137,7 +137,7 @@ def look_over(work: Work, thing: str) -> Actions:
 
 
 def look_from_aside(work: Work, thing: str) -> Look:
-    """Look at a thing from another side; returns whether there is a way to one. The truth needs no look."""
+    """Look at a thing from another side; returns whether it did. Nothing if the scene needs no looks."""
     if not work.scene.needs_looks:
         return False
     x, y, _ = work.motion.felt.base_pose
@@ -148,7 +148,7 @@ def look_from_aside(work: Work, thing: str) -> Look:
 
 
 def step_up(work: Work, name: str) -> Actions:
-    """Look into a thing from the nearest place that there is a straight way to: its near wall hides what is behind it.
+    """Look into a thing from the nearest viewpoint with a straight way: its near wall hides what is behind it.
 
     Raises as any motion.
     """
@@ -176,7 +176,7 @@ def _facing(place: Array, bearing: float, far_m: float) -> Array:
 
 
 def _clear(work: Work, poses: Iterable[Array], around: Obstacles, body: Body | None = None) -> bool:
-    """Whether the base is clear of what is around at all of these poses (3,), and the whole body, if one is given."""
+    """Whether the base is clear of obstacles at all of these base poses (3,), and so is the body, if given."""
     there = (around.seen_from(kin.base(pose)) for pose in poses)
     return all(
         base_clear(work.motion.robot, near) and (body is None or replace(body, around=near).all_free())

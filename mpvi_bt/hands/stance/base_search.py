@@ -1,7 +1,7 @@
-"""The search for a base pose: candidates about a place, the best first, filtered, and checked while a budget lasts.
+"""The search for a base pose: candidates near a target, their filter, their ranking, and the budget of the checks.
 
-Stances, starts of courses, grips with two hands and places to set down with two hands are all searched for here. Each
-says where the place is as seen from the base, what a candidate costs, and what to check there.
+Four searches use it: for a stance, the start of a course, a grip with two hands, and a set-down with two hands. Each
+gives the offsets of the target from the base, the cost of a candidate, and what to check there.
 """
 
 from __future__ import annotations
@@ -81,20 +81,20 @@ class Alike:
     turned_rad: float = math.inf  # and turned alike up to this [rad]
 
     def without(self, bases: Array, base: Array) -> NDArray[np.bool_]:
-        """(n,) bool: base poses (n, 3) that are not taken for another one (3,)."""
+        """(n,) bool: which of base poses (n, 3) do not count as one with another base pose (3,)."""
         near = norm(bases[:, :2] - base[:2], axis=1) < self.apart_m
         return ~(near & (np.abs(kin.wrap(bases[:, 2] - base[2])) < self.turned_rad))
 
 
 @dataclass(eq=False)
 class SearchBudget:
-    """What one search may take.
+    """Limits of the effort of one search.
 
     Attributes:
-        most: Effort of this search,
-        effort: and of all searches together; None: it does not count.
-        spent: Of `most`, so far.
-        left: Candidates that were left when it was used up.
+        most: Largest effort of this search.
+        effort: Effort of all searches together; if None, this search does not count toward it.
+        spent: Effort of this search so far.
+        left: Number of unchecked candidates when a limit was reached.
     """
 
     most: float = math.inf
@@ -103,26 +103,26 @@ class SearchBudget:
     left: int = 0
 
     def take(self, effort: float) -> None:
-        """Count what a check has taken."""
+        """Count the effort of a check."""
         self.spent += effort
         if self.effort is not None:
             self.effort.left -= effort
 
     @property
     def used_up(self) -> bool:
-        """Whether nothing more may be checked."""
+        """Whether a limit is reached."""
         return self.spent >= self.most or (self.effort is not None and self.effort.left <= 0)
 
 
 def about(places: Array, yaw: Array | float, ahead: Array | float, left: Array | float) -> Array:
-    """(..., 3) base poses at a yaw [rad] that have places (..., 2) so far ahead and to the left [m]; all broadcast."""
+    """(..., 3) base poses with a yaw [rad] and a place (..., 2) at these offsets ahead and left [m]; all broadcast."""
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = places[..., 0] - (c * ahead - s * left), places[..., 1] - (s * ahead + c * left)
     return np.stack(np.broadcast_arrays(x, y, yaw), -1)
 
 
 def ranked(cost: Array) -> NDArray[np.intp]:
-    """(n,) indices of candidates, the cheapest first; of two that cost the same, the first first."""
+    """(n,) indices of candidates by their cost, the cheapest first; equal costs keep their order."""
     return np.argsort(cost, kind="stable")
 
 
@@ -130,15 +130,15 @@ def before(
     place: Array, heading: float, offsets: tuple[ArrayLike, ArrayLike, ArrayLike], side: Side, here: Array,
     cost: Callable[[Array, Array, Array, Array], Array],
 ) -> Array:  # fmt: skip
-    """(n, 3) base poses before a place (2,) in the world, looking along `heading` [rad] or past it, the cheapest first.
+    """(n, 3) base poses before a place (2,), the cheapest first.
 
     Args:
-        place: What a hand works on.
-        heading: Straight to the place.
-        offsets: Distances ahead to the place, and to the side of the hand [m]; turns off the heading [rad].
+        place: The target of the hand, in the world.
+        heading: Yaw of a base that faces it [rad].
+        offsets: Distances to the place ahead, and toward the side of the hand [m]; turns off the heading [rad].
         side: The hand.
-        here: (3,) where the base is.
-        cost: Of base poses by their offsets, each (n,), and by the way there [m].
+        here: (3,) the present base pose.
+        cost: Cost of base poses, by their three offsets and the length of the way there [m], each (n,).
     """
     ahead, lateral, turn = (axis.ravel() for axis in np.meshgrid(*offsets, indexing="ij"))
     bases = about(place, heading + turn, ahead, lateral * SIGN[side])
@@ -147,7 +147,7 @@ def before(
 
 
 def behind(base: Array, by_m: float) -> Array:
-    """The base pose (3,) from which the base drives straight in to another."""
+    """The base pose (3,) straight behind another one."""
     return about(base[:2], base[2], by_m, 0.0)
 
 
@@ -155,15 +155,15 @@ def first(
     bases: Array, check: Callable[[int], tuple[_Found | None, float]], alike: Alike, failed: Sequence[Array],
     budget: SearchBudget, reached: Callable[[int], bool] = lambda k: True,
 ) -> _Found | None:  # fmt: skip
-    """What is found at the first base pose where something is found; None if there is none.
+    """The result of the first candidate that passes its check; None if there is none.
 
     Args:
         bases: (n, 3) candidates, the best first.
-        check: Looks at the candidate with this index; says what it finds, and the effort: 1 for a full check.
-        alike: Candidates that are taken for one that failed are left out.
-        failed: Base poses (3,) that did not do; those that `check` adds count from then on.
-        budget: What it may take.
-        reached: Whether the base gets to the candidate with this index: costs nothing, and is asked first.
+        check: Checks the candidate with this index. Returns its result or None, and the effort: 1 for a full check.
+        alike: Candidates that count as one with a failed base pose are skipped.
+        failed: Base poses (3,) that failed. `check` may add to it.
+        budget: Limits of the effort.
+        reached: Whether there is a way to the candidate with this index. It is asked before the budget.
     """
     left, known = np.arange(len(bases)), 0
     while True:
@@ -186,7 +186,7 @@ def first(
 
 @dataclass(frozen=True, eq=False)
 class BaseSearch(Site):
-    """A site, and where the base can stand and drive to there."""
+    """A site, with base poses where the robot can stand, and ways to them."""
 
     def stands(self, bases: Array) -> NDArray[np.bool_]:
         """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
@@ -244,9 +244,9 @@ class BaseSearch(Site):
         return None
 
     def way_behind(self, base: Array, by_m: Sequence[float], straight_in: bool = False) -> list[Array] | None:
-        """Base poses (3,) to drive to, the last behind `base`, by the first of some distances [m] with a way there.
+        """A route whose last base pose (3,) is behind `base`, at the first of some distances [m] with a way; else None.
 
-        None if there is no way. `straight_in`: from there to `base` nothing may be in the way, either.
+        With `straight_in`, the way from there to `base` has to be free, too.
         """
         here = self.motion.felt.base_pose
         for back in (behind(base, by) for by in by_m):
