@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -41,8 +42,18 @@ def mpvi(tmp_path: Path) -> Shell:
     def run(
         *args: str, timeout: float = 60, stdin: str = "", cwd: Path = tmp_path, **env: str
     ) -> subprocess.CompletedProcess[str]:
-        own = any(name.startswith(("PYTHON", "NUMBA")) for name in env)
-        start = warm.run_anew if own else warm.run
-        return start(*args, cwd=cwd, env={**os.environ, "COLUMNS": "80", **env}, stdin=stdin, timeout=timeout)
+        environment = {**os.environ, "COLUMNS": "80", **env}
+        if any(name.startswith(("PYTHON", "NUMBA")) for name in env):
+            return subprocess.run(
+                [sys.executable, *warm.MPVI, *args],
+                cwd=cwd,
+                env=environment,
+                input=stdin,
+                capture_output=True,
+                text=True,
+                timeout=timeout,
+                check=False,
+            )
+        return warm.python(*warm.MPVI, *args, cwd=cwd, env=environment, stdin=stdin, timeout=timeout)
 
     return run

@@ -19,6 +19,7 @@ from mpvi_bt.executive.btcpp.export import to_xml
 from mpvi_bt.executive.btcpp.importing import from_xml
 from mpvi_bt.executive.tree.yaml_io import dump_tree, load_tree
 from mpvi_bt.ground.errors import FileProblems, UserError
+from tests import warm
 from tests.test_btcpp import main_tree
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
@@ -67,9 +68,7 @@ def mpvi(*words: object, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def run(code: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=False, cwd=folder, timeout=60
-    )
+    return warm.python("-c", code, *words, cwd=folder)
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from mpvi_bt.executive.tree.yaml_io import load_tree
 from mpvi_bt.ground.robot.model import Camera
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
 from mpvi_bt.hands.robots import r1
+from tests import warm
 
 ROOT = Path(__file__).parent.parent
 OBSERVATIONS = (ROOT / "docs" / "observations.md").read_text(encoding="utf-8")
@@ -116,9 +117,7 @@ def test_the_package_of_the_reference_works(tmp_path: Path, dry: bool) -> None:
 
 def _mpvi(folder: Path, *args: str) -> subprocess.CompletedProcess[str]:
     code = "import sys; sys.path.insert(0, ''); from mpvi_bt.apps.cli import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *args], cwd=folder, capture_output=True, text=True, timeout=60, check=False
-    )
+    return warm.python("-c", code, *args, cwd=folder)
 
 
 def test_every_sign_of_a_drawing_is_explained() -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests import warm
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("[0-9]*.py"))  # others are others' to start
 
@@ -17,7 +17,9 @@ def _parameter(path: Path) -> object:
     """One example as a test case; those with the simulator take a minute and draw pictures."""
     text = path.read_text(encoding="utf-8")
     marks = (
-        [pytest.mark.rare, pytest.mark.slow, pytest.mark.render] if re.search(r"mpvi_bt\.(episode|run\()", text) else []
+        [pytest.mark.rare, pytest.mark.slow, pytest.mark.render]
+        if re.search(r"mpvi_bt\.(runs\.episode|run\()", text)
+        else []
     )
     if "mpvi_bt.house.maniskill" in text:
         missing = importlib.util.find_spec("mani_skill") is None
@@ -28,9 +30,7 @@ def _parameter(path: Path) -> object:
 @pytest.mark.parametrize("path", [_parameter(p) for p in EXAMPLES])
 def test_example_runs(path: Path, tmp_path: Path) -> None:
     """It succeeds from any folder and says something."""
-    done = subprocess.run(
-        [sys.executable, path], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=600
-    )
+    done = warm.python(str(path), cwd=tmp_path, timeout=600)
     assert done.returncode == 0, done.stderr
     assert done.stdout
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +18,7 @@ from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.house.things.families import FAMILIES
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.testing import check_policy
+from tests import warm
 from tests.conftest import Shell
 
 MAKERS = {
@@ -167,7 +166,7 @@ def test_a_part_that_is_written_runs(kind: str, root: Path, mpvi: Shell) -> None
     """By the first of the commands that are told, which checks its contract; and it can be chosen."""
     told = json.loads(mpvi("new", kind, f"my_{kind}", "--json", cwd=root).stdout)
     check, run = told["next"]
-    done = subprocess.run([sys.executable, check.split()[1]], cwd=root, capture_output=True, text=True, check=False)
+    done = warm.python(check.split()[1], cwd=root)
     assert done.stdout == f"keeps the contract of {'policies' if kind == 'policy' else kind + 's'}\n", done.stderr
     assert run in (root / f"my_{kind}.py").read_text()
 

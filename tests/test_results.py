@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ import pytest
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.suite.manifest import make_manifest
 from mpvi_bt.runs.suite.store import Store
+from tests import warm
 from tests.fake_episodes import fake_result
 
 ROOT = Path(__file__).parent.parent
@@ -32,10 +31,7 @@ PAGE = "# P\n\n<!-- results: one -->\n<!-- end of results -->\n"
 
 def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """A module of the benchmarks, as a user calls it in `folder`."""
-    environment = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"}
-    return subprocess.run(
-        [sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+    return warm.python("-m", *words, cwd=folder)
 
 
 @pytest.fixture

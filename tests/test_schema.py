@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems
 from mpvi_bt.ground.marked_yaml import load_marked, parse_marked
+from tests import warm
 from tests.tree_strategies import trees
 
 FILE = paths.shipped() / "trees" / "schema" / "tree.json"
@@ -200,9 +200,7 @@ def plugin(tmp_path: Path) -> Path:
 def mpvi(plugin: Path, *args: str) -> subprocess.CompletedProcess[str]:
     """`mpvi` where that package is installed."""
     code = f"import sys; sys.path.insert(0, {str(plugin)!r}); from mpvi_bt.apps.cli import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *args], cwd=plugin, capture_output=True, text=True, timeout=60, check=False
-    )
+    return warm.python("-c", code, *args, cwd=plugin)
 
 
 def test_a_package_adds_nodes_by_entry_point(plugin: Path) -> None:

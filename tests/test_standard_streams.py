@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import warm
+
 NOISE = '''
 import ctypes, os, subprocess, sys
 from py_trees.common import Status
@@ -45,7 +47,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def mpvi(words: str, folder: Path, redirected: str = "") -> subprocess.CompletedProcess[str]:
-    """The command in a shell, with redirections; its code is that of `mpvi`."""
+    """The command, in a shell where there are redirections; its code is that of `mpvi`."""
+    if not redirected:
+        return warm.python("-m", "mpvi_bt.apps.cli", *words.split(), cwd=folder, stdin=TREE)
     line = f"{sys.executable} -m mpvi_bt.apps.cli {words} {redirected}; exit ${{PIPESTATUS[0]}}"
     return subprocess.run(
         ["bash", "-c", line], cwd=folder, input=TREE, capture_output=True, text=True, check=False, timeout=100

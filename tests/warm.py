@@ -9,6 +9,7 @@ import importlib
 import json
 import os
 import pkgutil
+import runpy
 import signal
 import socket
 import subprocess
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import NoReturn
 
 START = "import sys; from tests.warm import serve; serve(int(sys.argv[1]))"
+MPVI = ("-c", "from mpvi_bt.apps.cli import main; main()")
 ROOT = Path(__file__).parent.parent
 UNLOADED = ("mpvi_bt.house.maniskill", "mpvi_bt.apps.cli.__main__")  # the first loads torch: seconds, for few commands
 
@@ -33,17 +35,21 @@ def _parent() -> socket.socket:
     return ours
 
 
-def run(
-    *words: str, cwd: Path, env: dict[str, str], stdin: str = "", timeout: float = 60
+def python(
+    *words: str, cwd: Path | None = None, env: dict[str, str] | None = None, stdin: str = "", timeout: float = 60
 ) -> subprocess.CompletedProcess[str]:
-    """Run `mpvi WORDS...` in a fork; as `subprocess.run` with its output captured."""
+    """Run `python WORDS...` in a fork: "-c" and code, "-m" and a module, or a file; then its arguments.
+
+    As `subprocess.run` with its output captured as text. What Python reads when it starts, such as PYTHONPATH, stays as
+    it is in this process; the working folder is searched for modules first.
+    """
     parent = _parent()
     with contextlib.ExitStack() as stack:
         files = [stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", newline="")) for _ in range(3)]
         files[0].write(stdin)
         files[0].seek(0)
-        asked = json.dumps({"words": words, "cwd": str(cwd), "env": env}).encode()
-        socket.send_fds(parent, [asked], [file.fileno() for file in files])
+        asked = {"words": words, "cwd": str(cwd or Path.cwd()), "env": dict(os.environ) if env is None else env}
+        socket.send_fds(parent, [json.dumps(asked).encode()], [file.fileno() for file in files])
         parent.settimeout(timeout)
         pid = int(parent.recv(64))
         try:
@@ -57,16 +63,6 @@ def run(
             file.seek(0)
         out, err = (file.read().replace("\r\n", "\n") for file in files[1:])
         return subprocess.CompletedProcess(words, status, out, err)
-
-
-def run_anew(
-    *words: str, cwd: Path, env: dict[str, str], stdin: str = "", timeout: float = 60
-) -> subprocess.CompletedProcess[str]:
-    """The same with a new interpreter."""
-    command = [sys.executable, "-c", "from mpvi_bt.apps.cli import main; main()", *words]
-    return subprocess.run(
-        command, cwd=cwd, env=env, input=stdin, capture_output=True, text=True, timeout=timeout, check=False
-    )
 
 
 def serve(descriptor: int) -> None:
@@ -93,23 +89,24 @@ def serve(descriptor: int) -> None:
 
 
 def _become(files: list[int], words: list[str], cwd: str, env: dict[str, str]) -> NoReturn:
-    """Run a command with these standard streams and end with its code."""
+    """Run Python's words with these standard streams and end with their code."""
     code: object = 1
     try:
         _run(files, words, cwd, env)
+        code = 0
     except SystemExit as end:
         code = end.code
+        if isinstance(code, str):
+            print(code, file=sys.stderr)
     except BaseException:
         traceback.print_exc()
     finally:  # not the end of Python itself: that visits each object of all modules, some 0.4 s
         atexit._run_exitfuncs()
         sys.stdout.flush()
-        os._exit(code if isinstance(code, int) else 0)
+        os._exit(code if isinstance(code, int) else int(code is not None))
 
 
 def _run(files: list[int], words: list[str], cwd: str, env: dict[str, str]) -> None:
-    from mpvi_bt.apps.cli import main
-
     for descriptor, file in enumerate(files):
         os.dup2(file, descriptor)
         os.close(file)
@@ -119,5 +116,13 @@ def _run(files: list[int], words: list[str], cwd: str, env: dict[str, str]) -> N
     os.environ.clear()
     os.environ.update(env)
     os.chdir(cwd)
-    sys.argv = ["-c", *words]
-    main()
+    match words:
+        case ["-c", code, *rest]:
+            sys.argv = ["-c", *rest]
+            exec(compile(code, "<string>", "exec"), {"__name__": "__main__"})
+        case ["-m", module, *rest]:
+            sys.argv = [module, *rest]
+            runpy.run_module(module, run_name="__main__", alter_sys=True)
+        case [file, *rest]:
+            sys.argv, sys.path[0] = [file, *rest], str(Path(file).parent)
+            runpy.run_path(file, run_name="__main__")

@@ -17,13 +17,7 @@ from mpvi_bt.hands.motion.follow import FOLLOW, go_along, resistance, take_up, t
 from mpvi_bt.hands.motion.viewpoints import look_from_aside, look_over
 from mpvi_bt.hands.motion.work import AJAR, Words, Work
 from mpvi_bt.hands.skills.open import course_search, sides, swing, then_leave
-from mpvi_bt.hands.skills.openings import (
-    doors_meant,
-    seen_twice,
-    stand_before,
-    stand_before_front,
-    thing_meant,
-)
+from mpvi_bt.hands.skills.openings import doors_meant, seen_twice, stand_before, stand_before_front, thing_meant
 from mpvi_bt.hands.skills.push_courses import PUSH, pushes
 from mpvi_bt.hands.stance.course import Course, CourseStart
 
