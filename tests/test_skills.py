@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.apps.authoring.checking import problems_in
 from mpvi_bt.executive.plan.clauses import match
+from mpvi_bt.executive.plan.skill_effects import SkillEffects
 from mpvi_bt.executive.plan.skill_phrases import example, filled
 from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skill, load_skills
 from mpvi_bt.executive.tree.yaml_io import check_tree
@@ -197,3 +198,67 @@ def test_a_skill_that_has_changed_is_read_anew(tmp_path: Path) -> None:
     assert load_skills([tmp_path])["wave_at"] is first
     file.write_text(WAVE.replace("about: ", "about: now "))
     assert load_skills([tmp_path])["wave_at"].about == f"now {first.about}"
+
+
+STASH = """\
+name: stash
+about: Put a held object away.
+phrases: ["stash {{object}} in {{container}}"]
+triggers: [{{event: release, camera: head}}]
+timeout_s: 20
+{more}
+"""
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    """A skill's file below a folder."""
+    (folder / "skills").mkdir(exist_ok=True)
+    path = folder / "skills" / f"{name}.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_skill_that_is_like_another_needs_and_does_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless its own file tells; and so does a file of one's own that bears the name of a skill of ours."""
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    write(tmp_path, "stash", STASH.format(more="like: place_in\neffects: {ontop: [object, container]}"))
+    write(tmp_path, "place_in", STASH.format(more="").replace("stash", "place_in"))
+    skills = load_skills()
+    assert skills["place_in"].phrases == ("place_in {object} in {container}",)
+    assert skills["place_in"].effects == SKILLS["place_in"].effects
+    assert skills["stash"].needs == SKILLS["place_in"].needs
+    assert skills["stash"].effects == SkillEffects(ontop=("object", "container"))
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("needs: {held: [tool]}", "no phrase gives 'tool'"),
+        ("effects: {ontop: [object, surface]}", "no phrase gives 'surface'"),
+        ("effects: {held: thing}", "thing"),
+        ("effects: {hold: object}", "Did you mean 'held'?"),
+        ("unseen: [source]", "no phrase gives 'source'"),
+    ],
+)
+def test_needs_and_effects_are_told_by_the_slots_of_phrases(tmp_path: Path, more: str, told: str) -> None:
+    """Of what no phrase names nothing is known; check tells the line."""
+    (problem,) = (p for p in problems_in(str(write(tmp_path, "stash", STASH.format(more=more)))) if p.code != "no-doer")
+    assert problem.line == 6
+    assert told in problem.message
+
+
+@pytest.mark.parametrize(
+    ("said", "slot"),
+    [
+        ("shake the sugar out of the jar into the bowl", "source"),
+        ("pour the can of soda into the bowl", "object"),
+        ("wipe the table with the sponge", "tool"),
+        ("wipe the table", None),
+        ("pick up the cup", None),
+    ],
+)
+def test_a_call_says_what_has_to_be_in_a_hand(said: str, slot: str | None) -> None:
+    """The first of the skill's slots of a payload that its words fill."""
+    call = match(said, SKILLS)
+    assert call is not None
+    assert call.in_hand == slot

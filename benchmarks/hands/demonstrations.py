@@ -86,12 +86,13 @@ def demonstrate(seed: int, folder: Path, skill: str, episodes: Path | None = Non
         side: Side = held[0] if held else "right"
         call = match(trial.prompt, skills)
         assert call is not None
+        assert call.target is not None
         noisy = bool(rng.random() < _NOISY)
         robot = NoisyRobot(world.robot, world.cameras, REALISTIC if noisy else NONE, seed)
         vocabulary = {e.name: e.phrases for e in world.knowledge()}
         errors = {"errors": _DETECTOR, "seed": seed} if noisy else {}
         detector = SegmentationDetector(vocabulary, 1, **errors)  # type: ignore[arg-type]
-        memory = PointMemory(detector, call.arguments[MOTIONS[skill].slot], rng)
+        memory = PointMemory(detector, call.target, rng)
         policy = ExpertPolicy(world, skills, seed)
         watch = _Watch(trial, world, policy)
         prompt = trial.prompt if held else f"{trial.prompt} with the {side} hand"

@@ -10,10 +10,9 @@ from mpvi_bt.executive.plan.payloads import Hands
 from mpvi_bt.executive.plan.planners import NoPlan, Planned
 from mpvi_bt.executive.plan.primitives import primitives, units
 from mpvi_bt.executive.plan.schema import Navigation, Plan
+from mpvi_bt.executive.plan.skill_effects import SkillEffects
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.robot.protocol import SIDES
-
-_OPENS, _CLOSES = "open", "close"  # skills
 
 
 class LaterPlanner:
@@ -95,10 +94,8 @@ class LaterPlanner:
         opened: dict[str, int] = {}
         for number, unit in enumerate(self._units):
             for call in (self._calls.get(i) for i in unit):
-                if call is None:
-                    continue
-                thing = call.arguments.get("object", "")
-                if call.motion == _OPENS:
-                    opened.setdefault(thing, number)
-                elif call.motion == _CLOSES and thing in opened:
+                effects, words = (call.skill.effects, call.arguments) if call else (SkillEffects(), {})
+                if effects.open is not None:
+                    opened.setdefault(words.get(effects.open, ""), number)
+                elif effects.closed is not None and (thing := words.get(effects.closed, "")) in opened:
                     yield opened.pop(thing), number

@@ -11,10 +11,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from mpvi_bt.ground.errors import UnknownName
 
-SLOTS = ("object", "container", "surface", "target", "source", "tool", "hand", "to_hand", "state", "direction")
+Slot = Literal["object", "container", "surface", "target", "source", "tool", "hand", "to_hand", "state", "direction"]
+SLOTS: tuple[Slot, ...] = get_args(Slot)
 _WORDS = {
     "hand": ("left", "right"),
     "to_hand": ("left", "right"),

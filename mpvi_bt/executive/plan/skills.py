@@ -1,4 +1,4 @@
-"""Skills (manipulation primitives) from files: phrases, criterion, trigger events, timeout, motion."""
+"""Skills (manipulation primitives) from files: phrases, criterion, needs, effects, triggers, timeout, motion."""
 
 from __future__ import annotations
 
@@ -6,18 +6,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from mpvi_bt.executive.plan.pattern import Pattern, pattern
+from mpvi_bt.executive.plan.pattern import Pattern, Slot, pattern
 from mpvi_bt.executive.plan.schema import Phrase
+from mpvi_bt.executive.plan.skill_effects import SkillEffects, SkillNeeds
 from mpvi_bt.executive.plan.skill_phrases import checked_phrase, checked_template, filled, first_words, slots
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.import_paths import IMPORT_PATH
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
+
+Named = TypeVar("Named", SkillNeeds, SkillEffects, tuple[Slot, ...])
 
 
 class Trigger(Record):
@@ -49,7 +52,11 @@ class Skill(Record):
         shows: What the judge should see at the end, as a criterion with slots; `SkillCall.criterion` fills it in.
         triggers: Events that ask the completion checker.
         timeout_s: Simulated time that it may take.
-        like: Another skill, whose motion does this one too; its slots are that one's. None: it has a motion of its own.
+        needs: What has to be so before.
+        effects: What is so afterward.
+        unseen: Slots of what need not be seen before: what is in a vessel, or what the motion looks for itself.
+        like: Another skill, whose motion does this one too; its slots are that one's, and so are needs, effects and
+            unseen where the file says nothing of them. None: it has a motion of its own.
         motion: That motion, where it is not one of ours: the import path of a function, "my_module:turn_knob", which
             the scripted policies call as they call those of `mpvi_bt.hands.policies.repertoire`.
     """
@@ -61,6 +68,9 @@ class Skill(Record):
     shows: Annotated[Phrase, AfterValidator(checked_template)] | None = None
     triggers: tuple[Trigger, ...] = Field(min_length=1)
     timeout_s: float = Field(gt=0, le=86_400, allow_inf_nan=False, strict=True)
+    needs: SkillNeeds = SkillNeeds()
+    effects: SkillEffects = SkillEffects()
+    unseen: tuple[Slot, ...] = ()
     like: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")] | None = None
     motion: Annotated[str, Field(pattern=rf"^{IMPORT_PATH.pattern}$")] | None = None
 
@@ -76,11 +86,15 @@ class Skill(Record):
     @classmethod
     def _is_said(cls, shows: str | None, info: ValidationInfo) -> str | None:
         """Raises ValueError for a slot that no phrase has words for: the judge would never be told anything."""
-        given = [slot for phrase in info.data.get("phrases", ()) for slot in pattern(phrase).slots]
-        for slot in slots(shows or "") if given else ():
-            if slot not in given:
-                raise ValueError(f"no phrase gives {slot!r}; they give: {', '.join(dict.fromkeys(given))}")
+        _check_slots(slots(shows or ""), info)
         return shows
+
+    @field_validator("needs", "effects", "unseen")
+    @classmethod
+    def _is_named(cls, told: Named, info: ValidationInfo) -> Named:
+        """Raises ValueError for a slot that no phrase has words for."""
+        _check_slots(told if isinstance(told, tuple) else told.slots, info)
+        return told
 
     @cached_property
     def patterns(self) -> tuple[Pattern, ...]:
@@ -104,6 +118,16 @@ class SkillCall:
     def motion(self) -> str:
         """The skill whose motion does it: its own name, or that of the one that it is like."""
         return self.skill.like or self.skill.name
+
+    @property
+    def in_hand(self) -> Slot | None:
+        """The slot of what has to be in a hand before; None: nothing has to be."""
+        return next((slot for slot in self.skill.needs.held if slot in self.arguments), None)
+
+    @property
+    def target(self) -> str | None:
+        """What the hand goes to: the thing that it takes, or the place where it puts one; None: nobody says."""
+        return self.arguments.get(self.skill.effects.target or "")
 
     @property
     def criterion(self) -> str | None:
@@ -135,6 +159,9 @@ def check_skill(data: object, marks: SourceMarks) -> Skill:
 def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]:
     """Skills by name, from every YAML and JSON file of the folders, the first folder's winning.
 
+    Needs, effects and unseen slots that a file says nothing of are those of the skill that it is like, or else those of
+    ours of that name.
+
     Args:
         folders: By default `skills/` of every root (`mpvi_bt.ground.paths.roots`).
 
@@ -142,11 +169,30 @@ def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]
         FileProblems: Everything that is wrong with the files.
     """
     found = paths.files("skills") if folders is None else [p for f in folders for p in paths.files_in(Path(f))]
-    skills: dict[str, Skill] = {}
+    files: dict[str, list[Path]] = {}
     for path in found:
-        if path.stem not in skills:
-            skills[path.stem] = _read(path, _stamp(path))
-    return skills
+        files.setdefault(path.stem, []).append(path)
+    skills = {name: _read(first, _stamp(first)) for name, (first, *_) in files.items()}
+    for name, (_, *hidden) in files.items():
+        for path in hidden:
+            if path.parent == paths.shipped() / "skills":
+                skills[name] = _completed(skills[name], _read(path, _stamp(path)))
+    return {name: _completed(skill, skills.get(skill.like or name, skill)) for name, skill in skills.items()}
+
+
+def _completed(skill: Skill, model: Skill) -> Skill:
+    """The skill with the needs, effects and unseen slots of another one where it says nothing of them."""
+    unsaid = {"needs", "effects", "unseen"} - skill.model_fields_set
+    said = {field: getattr(model, field) for field in unsaid & model.model_fields_set}
+    return skill.model_copy(update=said) if said else skill
+
+
+def _check_slots(named: Iterable[str], info: ValidationInfo) -> None:
+    """Raises ValueError for a slot that no phrase of the skill gives."""
+    given = [slot for phrase in info.data.get("phrases", ()) for slot in pattern(phrase).slots]
+    for slot in named if given else ():
+        if slot not in given:
+            raise ValueError(f"no phrase gives {slot!r}; they give: {', '.join(dict.fromkeys(given))}")
 
 
 @cache

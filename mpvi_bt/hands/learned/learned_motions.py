@@ -1,4 +1,4 @@
-"""The motions that can be learned: what of a prompt each is about, and whether its hand closes or opens."""
+"""The motions that can be learned: whether the hand closes or opens in each, and how large its target may be."""
 
 from __future__ import annotations
 
@@ -15,14 +15,12 @@ class LearnedMotion:
     """One motion of one hand.
 
     Attributes:
-        slot: Argument of its skill that names the target, which is looked for.
         opens: Whether the hand holds a payload and lets go of it; else it is free and takes one.
         most_m: Standard deviation of a target's points, along x or y, above which it is larger than any that was
             trained on, as a fridge is beside baskets. Our choice: the benchmark's largest basket has 0.151; of 696
             demonstrated picks all but four have less than 0.09 at the first look, and a trash can 0.097.
     """
 
-    slot: str
     opens: bool
     most_m: float = math.inf
 
@@ -36,8 +34,8 @@ class LearnedMotion:
 
 
 MOTIONS: Mapping[str, LearnedMotion] = {
-    "pick": LearnedMotion("object", opens=False, most_m=0.09),
-    "place_in": LearnedMotion("container", opens=True, most_m=0.16),
-    "place_on": LearnedMotion("surface", opens=True),
-    "place_next_to": LearnedMotion("target", opens=True),
+    "pick": LearnedMotion(opens=False, most_m=0.09),
+    "place_in": LearnedMotion(opens=True, most_m=0.16),
+    "place_on": LearnedMotion(opens=True),
+    "place_next_to": LearnedMotion(opens=True),
 }

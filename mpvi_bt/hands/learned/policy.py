@@ -118,7 +118,8 @@ class LearnedPolicy:
         """The one skill that a prompt asks for, if it was learned."""
         said = clauses(prompt, self._skills)
         call = match(said[0], self._skills) if len(said) == 1 else None
-        return call if call is not None and call.motion in self._weights.skills.keys() & MOTIONS else None
+        known = self._weights.skills.keys() & MOTIONS
+        return call if call is not None and call.target is not None and call.motion in known else None
 
     def _performed(self, prompt: str) -> Iterator[Array]:
         """Everything that it does about a prompt; it ends once it has given up."""
@@ -126,12 +127,11 @@ class LearnedPolicy:
             self.note = f"{NO_SKILL}: these weights move the robot {self._weights.robot}, not {self._felt.robot}"
             return
         call = self.can(prompt)
-        if call is None:
+        if call is None or (phrase := call.target) is None:
             known = ", ".join(self._weights.skills)
             self.note = f"{NO_SKILL}: {shown(prompt)} is not one of {known}"
             return
         motion = MOTIONS[call.motion]
-        phrase = call.arguments[motion.slot]
         rng = np.random.default_rng([self._seed, self._prompts])
         memory = PointMemory(self._detector, phrase, rng)
         yield from self._found(memory, motion)

@@ -33,12 +33,6 @@ from mpvi_bt.hands.skills.spots import is_floor
 _OTHERS = 4  # things that are opened, one after the other, because something was not in the one before
 _HANDS_RAD = 0.9  # tilt of the head that sees what folded hands hold
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
-_HIDDEN = {  # these need not be seen: what is in a vessel, mere dirt, and what driving looks for itself
-    "pour": ("object",), "wipe": ("object",), "go_to": ("target",),
-}  # fmt: skip
-_VESSEL = {"pour": ("source",)}  # elsewhere a source is only where to look
-# Slots of where a thing is put that no hand holds: nothing is set down on or beside itself.
-_STANDING = {"place_on": "surface", "place_next_to": "target", "place_under": "target"}
 
 
 class ReactivePolicy(ScriptedPolicy):
@@ -102,7 +96,7 @@ class ReactivePolicy(ScriptedPolicy):
             understood = self._grounded(call)
             assert understood is not None
             if (yield from self.do(work, understood)):
-                opened = understood if call.motion == "open" else None
+                opened = understood if call.skill.effects.open is not None else None
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)
@@ -126,9 +120,8 @@ class ReactivePolicy(ScriptedPolicy):
 
     def _needed(self, call: SkillCall) -> list[str]:
         """What a call names that has to be known before it can be done: seen, or held."""
-        name = call.motion
-        hidden = _HIDDEN.get(name, ()) if name not in _VESSEL or "source" in call.arguments else ()
-        return self._phrases(call, [s for s in _NAMES if s not in hidden and (s != "source" or name in _VESSEL)])
+        hidden = {*call.skill.unseen, "source"} - {call.in_hand}  # elsewhere a source is only where to look
+        return self._phrases(call, [slot for slot in _NAMES if slot not in hidden])
 
     def _last_named(self, work: Work, call: SkillCall) -> Array | None:
         """Where the last thing is that a call names and no hand holds, (2,): what it was to be done at."""
@@ -146,12 +139,13 @@ class ReactivePolicy(ScriptedPolicy):
         known, several = self._seen.knowledge(), count(call) > 1
         for reading in readings(call):
             found = {p: known.find(p) for p in self._needed(reading)}
-            if (place := reading.arguments.get(_STANDING.get(reading.motion, ""), "")) in found:
+            effects, words = reading.skill.effects, reading.arguments
+            if effects.beside is not None and (place := words.get(effects.beside[1], "")) in found:
                 found[place] = [e for e in found[place] if not e.held]
-            if reading.motion == "pick" and (hand := reading.arguments.get("hand")) in SIDES:
-                taken, wanted = self._seen.holding(other(hand)), reading.arguments["object"]
+            if effects.held is not None and (hand := words.get("hand")) in SIDES:
+                taken, wanted = self._seen.holding(other(hand)), words[effects.held]
                 found[wanted] = [e for e in found[wanted] if e.name != taken]
-            things = found.get(reading.arguments.get("object", ""), [])
+            things = found.get(words.get("object", ""), [])
             away = bool(things) and all(e.inside and (several or e.held) for e in things)
             if all(found.values()) and not away:
                 return reading

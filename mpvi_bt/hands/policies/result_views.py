@@ -51,9 +51,11 @@ def views(work: Work, call: SkillCall) -> list[Actions]:
 
 def fell_beside(work: Work, call: SkillCall) -> bool:
     """Whether what a call was to put into a movable container is known to lie or lean beside it instead."""
-    known = work.scene.knowledge()
-    into = [e for e in known.find(call.arguments["container"]) if e.kind == "object"]
-    left = [e for e in known.find(call.arguments["object"]) if e.inside is None and not e.held]
+    if (inside := call.skill.effects.inside) is None:
+        return False
+    known, (payload, container) = work.scene.knowledge(), (call.arguments[slot] for slot in inside)
+    into = [e for e in known.find(container) if e.kind == "object"]
+    left = [e for e in known.find(payload) if e.inside is None and not e.held]
     gaps = [float(norm(e.center - np.clip(e.center, c.lowest, c.highest))) for e in left for c in into]
     return min(gaps, default=_SHOW.beside_m) < _SHOW.beside_m
 

@@ -42,17 +42,9 @@ class Persistence:
 
 
 _PERSIST = Persistence()
-_TAKES = ("pick", "lift")  # skills that leave something in hand
-_PUTS = ("place_in", "place_on", "place_next_to", "place_under")  # and that put it away
 Performance = Generator[Array, None, SkillCall | None]
 # Backing off mends none of these.
 _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found", "no_mount")
-# Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
-_IN_HAND = {
-    **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over", "mount"), ("object",)),
-    **dict.fromkeys(("wipe", "spray", "light", "cut", "dice"), ("tool",)),
-    "pour": ("source", "object"),
-}
 
 
 class ScriptedPolicy:
@@ -161,7 +153,7 @@ class ScriptedPolicy:
             for k, call in enumerate(calls[begin:], begin):
                 if (yield from self.do(work, call)):
                     done = max(done, k + 1)
-                    begin = k + 1 if call.motion in _PUTS else begin
+                    begin = k + 1 if call.skill.effects.put is not None else begin
                 elif k >= done:  # what was done before may be done still, such as a door that stands open
                     failed = True
                     if again:  # at the last what comes after it is done all the same
@@ -203,13 +195,13 @@ class ScriptedPolicy:
         to be put into something, and the views show it beside that.
         """
         yield from work.motion.wait(_PERSIST.idle_s)
-        if last.motion in _TAKES and not work.carried():
+        if last.skill.effects.held is not None and not work.carried():
             return True
         for view in views(work, last):
             with contextlib.suppress(MotionFailure):
                 yield from view
             yield from work.motion.wait(_PERSIST.idle_s)
-        if last.motion == "place_in" and fell_beside(work, last):
+        if fell_beside(work, last):
             return True
         for turn in range(_PERSIST.shown):
             yield from work.motion.wait(_PERSIST.patience_s)
@@ -224,9 +216,9 @@ class ScriptedPolicy:
 
     def do(self, work: Work, call: SkillCall) -> Any:
         """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""
-        slot = next((s for s in _IN_HAND.get(call.motion, ()) if s in call.arguments), None)
-        if slot is not None and "pick" in self._skills and not self._carries(work, call.arguments[slot]):
-            words = {s: w for s, w in (("object", call.arguments[slot]), ("hand", call.arguments.get("hand"))) if w}
+        wanted = call.arguments[call.in_hand] if call.in_hand is not None else None
+        if wanted is not None and "pick" in self._skills and not self._carries(work, wanted):
+            words = {s: w for s, w in (("object", wanted), ("hand", call.arguments.get("hand"))) if w}
             fetch = self._skills["pick" if self._graspable(work, words["object"]) else "lift"]
             self._at(fetch)
             if not (yield from self.attempt(work, SkillCall(fetch, words))):
