@@ -6,7 +6,7 @@ Hand: z along the fingers (approach), y across them (closing), origin at the fla
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -111,6 +111,7 @@ class RobotModel:
 
     Attributes:
         name: As `--robot` has it.
+        urdf: Writes its links and joints as the text of a URDF.
         arms: Its arms; a robot with one has it on the "right".
         trunk: What carries the chest.
         base_joints: Along x, along y, about z.
@@ -143,6 +144,7 @@ class RobotModel:
     """
 
     name: str
+    urdf: Callable[[], str]
     arms: Mapping[Side, Arm]
     trunk: Trunk
     base_joints: tuple[str, str, str]

@@ -81,8 +81,16 @@ _HULL = Hull(
                       + [(-0.15, 0.0, z, 0.22) for z in (0.45, 0.6, 0.75, 0.9, 1.05)]),
 )  # fmt: skip
 
+
+def _urdf() -> str:
+    from mpvi_bt.hands.robots.fetch_urdf import fetch_urdf
+
+    return fetch_urdf()
+
+
 FETCH = RobotModel(
     name="fetch",
+    urdf=_urdf,
     arms={"right": _ARM},
     trunk=LiftTrunk(LIFT_M, 0.0, np.array([[0.0, 0.38615], [0.0, 0.0], [0.0, 0.0], [-0.76, 1.45]])),
     base_joints=_BASE_JOINTS,

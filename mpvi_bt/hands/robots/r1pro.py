@@ -171,8 +171,16 @@ HAND = Hand(
     palm_reach_m=0.07,
 )
 
+
+def _urdf() -> str:
+    from mpvi_bt.hands.robots.r1pro_urdf import r1pro_urdf
+
+    return r1pro_urdf()
+
+
 R1PRO = RobotModel(
     name="r1pro",
+    urdf=_urdf,
     arms={s: _arm(s) for s in SIGN},
     trunk=TRUNK,
     base_joints=_BASE_JOINTS,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,16 +14,12 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION, commanded, travel_action
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
-from mpvi_bt.hands.robots.fetch_urdf import fetch_urdf
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.hands.robots.r1_urdf import r1_urdf
-from mpvi_bt.hands.robots.r1pro_urdf import r1pro_urdf
 from mpvi_bt.house.sim.body import SimBody
 from mpvi_bt.house.sim.cameras import Cameras
 
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
-_URDF: Mapping[str, Callable[[], str]] = {"r1": r1_urdf, "fetch": fetch_urdf, "r1pro": r1pro_urdf}
 
 
 class SimRobot(SimBody):
@@ -191,7 +187,7 @@ def _load(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx
             loader.set_link_material(name, FINGER_FRICTION, FINGER_FRICTION, 0.0)
             loader.set_link_patch_radius(name, 0.1)
             loader.set_link_min_patch_radius(name, 0.1)
-    text = _URDF[model.name]()
+    text = model.urdf()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{model.name}.urdf"
         path.write_text(text if visible else _without_visuals(text))
