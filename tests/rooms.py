@@ -36,7 +36,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "finding": (("perception", "shapes"), ("scene",), ("navigation",)),
     "hands": (("robots", "stance"), ("motion", "learned"), ("skills",), ("policies",)),
-    "house": (("rules",), ("goals",), ("things", "truth"), ("layout",), ("sim",), ("instances",), ("maniskill",)),
+    "house": (("states",), ("goals",), ("things", "truth"), ("layout",), ("sim",), ("instances",), ("maniskill",)),
     "runs": (("recording", "disturbances"), ("choices", "datasets"), ("episode",), ("suite", "serving"), ("report",)),
     "testing": (("doubles", "full_hands"), ("contracts", "scene_builder")),
     "apps": (("authoring",), ("api", "watch"), ("mcp_server",), ("cli",)),

@@ -14,8 +14,8 @@ from mpvi_bt.ground.robot.motion import Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.scripted_policy import Performance
-from mpvi_bt.house.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.house.sim.world import SimWorld
+from mpvi_bt.house.states.relations import inside, nextto, ontop, under
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.testing import check_policy
 from tests.small_house import placed, small_world

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from mpvi_bt.ground.errors import UnknownName, UserError
-from mpvi_bt.house.rules.cutting import Cuttable
 from mpvi_bt.house.sim.future import future
+from mpvi_bt.house.states.cutting import Cuttable
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry
 
 PIECE = {"kind": "box", "at": [0, 0, 0.02], "size_m": [0.04, 0.04, 0.04]}

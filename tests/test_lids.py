@@ -15,8 +15,8 @@ from mpvi_bt.hands.skills.bar_courses import swings
 from mpvi_bt.hands.skills.open import _rise_off
 from mpvi_bt.hands.skills.push_courses import pushes
 from mpvi_bt.hands.stance.grasps import grasps
-from mpvi_bt.house.goals.predicates import open_
 from mpvi_bt.house.sim.world import SimWorld
+from mpvi_bt.house.states.relations import open_
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 from tests.test_open import play, work_in

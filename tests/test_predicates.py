@@ -18,9 +18,10 @@ from mpvi_bt.ground.geometry.solids import Solid, box, pose
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.house.goals import predicates
 from mpvi_bt.house.goals.formula import Literal, literals
-from mpvi_bt.house.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
+from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.goals.problem import load_problem
-from mpvi_bt.house.rules.heat import Heat, Thermal
+from mpvi_bt.house.states.heat import Heat, Thermal
+from mpvi_bt.house.states.relations import inside, nextto, ontop, open_, resting_on, touching, under
 
 
 @dataclass

@@ -13,8 +13,8 @@ from mpvi_bt.ground.robot.motion import Motion
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.skills.push import _way, pushes
-from mpvi_bt.house.goals.predicates import nextto
 from mpvi_bt.house.sim.world import Placement, SimWorld
+from mpvi_bt.house.states.relations import nextto
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_open import play

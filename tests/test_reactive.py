@@ -20,8 +20,8 @@ from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies import reactive as module
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
 from mpvi_bt.hands.skills.open import is_open
-from mpvi_bt.house.goals.predicates import inside, ontop
 from mpvi_bt.house.sim.world import SimWorld
+from mpvi_bt.house.states.relations import inside, ontop
 from mpvi_bt.testing import KinematicRobot, check_policy
 from tests.small_house import placed, small_world
 

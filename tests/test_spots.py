@@ -16,8 +16,8 @@ from mpvi_bt.ground.robot.motion import Motion, MotionFailure
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills import place, spots
 from mpvi_bt.hands.skills.placing import Pose, leaning
-from mpvi_bt.house.goals.predicates import nextto, under
 from mpvi_bt.house.sim.world import SimWorld
+from mpvi_bt.house.states.relations import nextto, under
 from mpvi_bt.house.truth.true_scene import TrueScene
 from tests.small_house import placed, small_world
 

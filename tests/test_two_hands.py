@@ -24,8 +24,8 @@ from mpvi_bt.hands.skills.box_grip import Box, boxes_about, carcass
 from mpvi_bt.hands.skills.lift import lift
 from mpvi_bt.hands.skills.set_down import set_down
 from mpvi_bt.hands.stance.base_search import RUN_UPS_M, BaseSearch, behind
-from mpvi_bt.house.goals.predicates import ontop
 from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.states.relations import ontop
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands

@@ -10,13 +10,13 @@ import pytest
 
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.geometry.rays import distance
 from mpvi_bt.ground.geometry.solids import Array, Solid, box, pose
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
 from mpvi_bt.hands.robots.r1 import R1
-from mpvi_bt.house.goals.predicates import inside, ontop
 from mpvi_bt.house.sim.builder import Thing
-from mpvi_bt.house.sim.holding import distance
 from mpvi_bt.house.sim.world import SimWorld
+from mpvi_bt.house.states.relations import inside, ontop
 from tests.small_house import placed, run, small_world
 
 TABLE = "{entry: table, at: [1.2, 0.0]}"

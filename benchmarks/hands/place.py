@@ -13,8 +13,8 @@ from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.protocol import SIDES
-from mpvi_bt.house.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.house.sim.world import Placement, SimWorld
+from mpvi_bt.house.states.relations import inside, nextto, ontop, under
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.testing.scene_builder import one_room
 

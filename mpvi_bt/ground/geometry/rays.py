@@ -1,4 +1,4 @@
-"""Rays against boxes, cylinders and spheres: which solids a segment passes through."""
+"""Boxes, cylinders and spheres: which of them a ray passes through, and how far a point is from one."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
 
@@ -50,6 +51,17 @@ def within(solid: Solid, point: Array) -> bool:
     if solid.kind == "cylinder":
         return bool(np.hypot(local[0], local[1]) <= solid.half_m[0] and local[2] <= solid.half_m[2])
     return bool(np.all(local <= solid.half_m))
+
+
+def distance(solid: Solid, p: Array) -> float:
+    """Distance [m] of a point (3,) to a solid, both in one frame; 0 or less inside."""
+    local = np.abs(matmul(kin.inverse(solid.T)[:3, :3], p - solid.T[:3, 3])) - solid.half_m
+    if solid.kind == "sphere":
+        return float(norm(p - solid.T[:3, 3]) - solid.half_m[0])
+    if solid.kind == "cylinder":
+        q = matmul(solid.T[:3, :3].T, p - solid.T[:3, 3])
+        local = np.array([np.hypot(q[0], q[1]) - solid.half_m[0], abs(q[2]) - solid.half_m[2]])
+    return float(norm(np.maximum(local, 0)) + min(0.0, local.max()))
 
 
 def _slabs(s: Array, d: Array, h: Array, axes: tuple[int, ...]) -> tuple[float, float] | None:

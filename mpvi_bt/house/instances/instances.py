@@ -18,7 +18,6 @@ from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.goals.evaluate import early, unmet
 from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.goals.problem import BddlProblem, load_problem
-from mpvi_bt.house.goals.world_state import aabb
 from mpvi_bt.house.instances.sampling import Start, sample
 from mpvi_bt.house.instances.splits import Split, generator
 from mpvi_bt.house.instances.start_cache import StartCache
@@ -29,6 +28,7 @@ from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.layout.prior_map import prior_map
 from mpvi_bt.house.layout.start_facts import with_all
 from mpvi_bt.house.sim.world import ROBOT, SimWorld
+from mpvi_bt.house.states.world_state import aabb
 from mpvi_bt.house.things.catalogue import Catalogue
 
 # All our choice.

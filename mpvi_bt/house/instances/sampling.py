@@ -10,15 +10,15 @@ import numpy as np
 from mpvi_bt.ground.errors import BackendError, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.house.goals.formula import Literal
-from mpvi_bt.house.goals.predicates import kind_of
 from mpvi_bt.house.goals.problem import BddlProblem, Fact
 from mpvi_bt.house.layout.arranging import Arrangement
 from mpvi_bt.house.layout.boards import MovableForm
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.layout.start_facts import asked_for, scene_names
-from mpvi_bt.house.rules.grains import FILLED, space_m3
 from mpvi_bt.house.sim.future import future
 from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.states.grains import FILLED, space_m3
+from mpvi_bt.house.states.relations import kind_of
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry
 
 __all__ = ["OPEN", "Start", "sample", "scene_names"]

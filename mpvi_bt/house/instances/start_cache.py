@@ -19,7 +19,6 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import MpviError
 from mpvi_bt.ground.marked_yaml import Record
 from mpvi_bt.ground.writing import write_whole
-from mpvi_bt.house.goals.predicates import kind_of
 from mpvi_bt.house.goals.problem import BddlProblem
 from mpvi_bt.house.instances import sampling
 from mpvi_bt.house.instances.sampling import Start, marks_of, scene_names
@@ -29,6 +28,7 @@ from mpvi_bt.house.layout import arranging, boards, ground
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.sim.future import future
 from mpvi_bt.house.sim.world import Placement
+from mpvi_bt.house.states.relations import kind_of
 from mpvi_bt.house.things.catalogue import Catalogue
 from mpvi_bt.house.things.description import Description
 

@@ -22,7 +22,8 @@ from mpvi_bt.house.instances.words import known_words
 from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.layout.start_facts import asked_for, with_all
 from mpvi_bt.house.sim.future import future
-from mpvi_bt.house.things.catalogue import SUBSTANCE, Catalogue, load_catalogue
+from mpvi_bt.house.states.grains import SUBSTANCE
+from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
 

@@ -65,6 +65,16 @@ class Thing:
         """Whether it, or any part of it, can move."""
         return self.movable or self.articulation is not None
 
+    @property
+    def sleeps(self) -> bool:
+        """Whether physics passes a movable thing over, because it rests."""
+        return bool(self.root_body.is_sleeping)
+
+    @property
+    def origin(self) -> Array:
+        """(3,) of its root body's frame, in the world [m]; as physics has it, in single precision."""
+        return np.asarray(self.entity.pose.p)
+
     def wake(self) -> None:
         """Have physics go on with it, and tell its contacts, if it sleeps."""
         self.root_body.wake_up()

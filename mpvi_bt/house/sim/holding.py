@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import sapien
 
-from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
+from mpvi_bt.ground.geometry.rays import distance
 from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
 from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.squeeze import squeezes
@@ -89,14 +88,3 @@ class Holding:
 def _may_be_near(solid: Solid, p: Array, reach_m: float) -> bool:
     """Whether the ball about a solid comes so near to a point (3,); most are told apart by this, and cheaply."""
     return math.dist(solid.T[:3, 3], p) < math.hypot(*solid.half_m) + reach_m
-
-
-def distance(solid: Solid, p: Array) -> float:
-    """Distance [m] of a point (3,) to a solid, both in one frame; 0 or less inside."""
-    local = np.abs(matmul(kin.inverse(solid.T)[:3, :3], p - solid.T[:3, 3])) - solid.half_m
-    if solid.kind == "sphere":
-        return float(norm(p - solid.T[:3, 3]) - solid.half_m[0])
-    if solid.kind == "cylinder":
-        q = matmul(solid.T[:3, :3].T, p - solid.T[:3, 3])
-        local = np.array([np.hypot(q[0], q[1]) - solid.half_m[0], abs(q[2]) - solid.half_m[2]])
-    return float(norm(np.maximum(local, 0)) + min(0.0, local.max()))

@@ -9,9 +9,9 @@ import sapien
 
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.house.sim.builder import Thing
+from mpvi_bt.house.states.in_world import Motion
 
 _DEPTH_M, _APART_M = 30.0, 0.5  # where they wait: nothing falls so far, and none touches another
-Motion = Mapping[str, list[float]]  # as of `Thing.motion`
 
 
 class Presence:

@@ -15,8 +15,8 @@ from mpvi_bt.finding.perception.detector import SWITCH
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
-from mpvi_bt.house.goals.predicates import OPEN_FRACTION
 from mpvi_bt.house.sim.builder import Thing, show
+from mpvi_bt.house.states.relations import OPEN_FRACTION
 from mpvi_bt.house.things.description import Color, Part, Switch
 
 SWITCH_M = 0.03  # a fingertip this near to a switch is on it

@@ -21,26 +21,30 @@ from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import House
-from mpvi_bt.house.rules.heat import Heat, Thermal
 from mpvi_bt.house.sim.assisted import Attachments
-from mpvi_bt.house.sim.baking import Baking
-from mpvi_bt.house.sim.blades import Blades
 from mpvi_bt.house.sim.builder import Thing, build_house, build_object
 from mpvi_bt.house.sim.bumps import Bumps
 from mpvi_bt.house.sim.cameras import Cameras
-from mpvi_bt.house.sim.cooking import Cooking
+from mpvi_bt.house.sim.dots import Dots
 from mpvi_bt.house.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.house.sim.looks import ThermalLooks
-from mpvi_bt.house.sim.marking import Marking, MarkTools
-from mpvi_bt.house.sim.mounting import Mounts
 from mpvi_bt.house.sim.patches import patch_of
 from mpvi_bt.house.sim.presence import Presence
 from mpvi_bt.house.sim.shaders import PHYSICS_HZ, new_scene
 from mpvi_bt.house.sim.sim_robot import SimRobot
 from mpvi_bt.house.sim.switches import Switches
-from mpvi_bt.house.sim.temperatures import Temperatures
+from mpvi_bt.house.sim.tying import Ties
 from mpvi_bt.house.sim.whereabouts import Whereabouts
-from mpvi_bt.house.things.catalogue import SUBSTANCE, CatalogueEntry
+from mpvi_bt.house.states.cutting import Blades
+from mpvi_bt.house.states.grains import SUBSTANCE, Cooking
+from mpvi_bt.house.states.heat import Heat, Temperatures, Thermal
+from mpvi_bt.house.states.marks import Marking
+from mpvi_bt.house.states.mounts import Mounts
+from mpvi_bt.house.states.recipes import Baking
+from mpvi_bt.house.states.sprayer import Spraying
+from mpvi_bt.house.states.washer import Washing
+from mpvi_bt.house.states.wiping import Wiping
+from mpvi_bt.house.things.catalogue import CatalogueEntry
 from mpvi_bt.house.things.description import Handle
 
 ROBOT = "robot"  # among the names of `SimWorld.contacts`
@@ -122,18 +126,19 @@ class SimWorld(StepClock):
         for name, entry in movable.items():
             if SUBSTANCE in entry.abilities:
                 self._grains.setdefault(entry.synset, []).append(name)
-        tools = MarkTools(
-            {n: e.washes for n, e in entries.items() if e.washes is not None},
-            {n: e.removes for n, e in entries.items() if e.removes is not None},
-            {n: e.sprays for n, e in entries.items() if e.sprays is not None},
-        )
-        self._marking = Marking(self._things, tools)
+        sprays = Spraying(self._things, {n: e.sprays for n, e in entries.items() if e.sprays is not None})
+        washes = Washing({n: e.washes for n, e in entries.items() if e.washes is not None})
+        wipes = Wiping(self._things, {n: e.removes for n, e in entries.items() if e.removes is not None})
+        self._marking = Marking(self._things, (sprays, washes, wipes))
+        self._dots = Dots(self._scene, self._things)
         self._looks = ThermalLooks(self._scene, self._things, kinds) if render else None
         if self.cameras is not None and self._looks is not None:
             self.cameras.names = {**self.cameras.names, **self._looks.labels}
-        self._mounting = Mounts(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})
+        self._mounting = Mounts(
+            Ties(self._scene, self._things), self._things, {n: e.mounts for n, e in entries.items() if e.mounts}
+        )
         self._presence = Presence(self._objects, self._things, {n: e.name for n, e in future.items()})
-        self._cutting = Blades(self._scene, self._presence, movable, self._became)
+        self._cutting = Blades(self.touches, PHYSICS_HZ, self._presence, movable, self._became)
         self._cooking = Cooking(self._presence, movable, self._became)
         self._baking = Baking(self._presence, movable, self._in_oven, self._became)
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
@@ -262,7 +267,7 @@ class SimWorld(StepClock):
         self._switches.show()
         if self._looks is not None:
             self._looks.show(self.heat)
-        if (new := self._marking.show(self._scene)) and self.cameras is not None:
+        if (new := self._dots.show(self._marking.marks)) and self.cameras is not None:
             self.cameras.names = {**self.cameras.names, **new}
 
     @property
@@ -360,6 +365,15 @@ class SimWorld(StepClock):
             ):
                 return True
         return False
+
+    def touches(self, name: str, others: Collection[str]) -> Iterator[tuple[str, Sequence[tuple[Array, Array]]]]:
+        """Each contact of a thing with one of some others in the last physics step, as of `Touches`."""
+        own, near = self._things[name].entity, {self._things[other].entity: other for other in others}
+        for contact in self._scene.get_contacts():
+            a, b = (body.entity for body in contact.bodies)
+            other = near.get(b if a == own else a) if own in (a, b) else None
+            if other is not None:
+                yield other, [(np.asarray(p.position), np.asarray(p.impulse, float)) for p in contact.points]
 
     def contacts(self) -> Iterator[tuple[str, str, float]]:
         """Names and depth [m] of the pairs that the last physics step reported in contact; the robot is `ROBOT`."""

@@ -17,16 +17,15 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName, UserError, with_article
 from mpvi_bt.ground.marked_yaml import Location, Record, SourceMarks, Synset, load_marked, validate_data
 from mpvi_bt.house.goals.vocabulary import abilities, behavior, unknown_synset
-from mpvi_bt.house.rules.cutting import Cuttable
-from mpvi_bt.house.rules.heat import Source, Thermal
-from mpvi_bt.house.rules.mounts import Fitting
-from mpvi_bt.house.rules.recipes import Recipe
-from mpvi_bt.house.rules.sprayer import Sprayer
+from mpvi_bt.house.states.cutting import Cuttable
+from mpvi_bt.house.states.heat import Source, Thermal
+from mpvi_bt.house.states.mounts import Fitting
+from mpvi_bt.house.states.recipes import Recipe
+from mpvi_bt.house.states.sprayer import Sprayer
 from mpvi_bt.house.things.description import Description
 from mpvi_bt.house.things.families import FAMILIES, describe, parameters
 
 FOLDER = "tasks/catalogues"
-SUBSTANCE = "macroPhysicalSubstance"  # the ability of what is grains: diced food, popcorn
 
 
 class EntryFile(Record):

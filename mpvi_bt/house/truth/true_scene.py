@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.collision import Surroundings, carries
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
-from mpvi_bt.house.goals.world_state import WorldState
+from mpvi_bt.house.states.world_state import WorldState
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from mpvi_bt.executive.ticking.loop import Watcher, World
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.finding.navigation.goals import HandoffDistances, distance_to
 from mpvi_bt.ground.robot.protocol import SIDES, Side
-from mpvi_bt.house.goals.predicates import BINARY, UNARY, resting_on
+from mpvi_bt.house.goals.predicates import BINARY, UNARY
+from mpvi_bt.house.states.relations import resting_on
 
 if TYPE_CHECKING:
     from mpvi_bt.house.sim.world import SimWorld as SimulatedWorld

@@ -1,12 +1,14 @@
-"""The protocol by which goal predicates query the world. `sim` implements it; tests make states by hand."""
+"""What predicates, and changes of states, ask of a world. `sim` implements it; tests make states by hand."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from mpvi_bt.ground.geometry.solids import Array, Solid
-from mpvi_bt.house.rules.heat import Heat, Thermal
+from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
+
+if TYPE_CHECKING:
+    from mpvi_bt.house.states.heat import Heat, Thermal
 
 
 class WorldState(Protocol):
@@ -59,6 +61,4 @@ class WorldState(Protocol):
 
 def aabb(state: WorldState, name: str) -> Array:
     """(2, 3) lowest and highest corner of the thing's axis-aligned bounding box."""
-    from mpvi_bt.ground.geometry.solids import bounds
-
     return bounds(state.solids(name))

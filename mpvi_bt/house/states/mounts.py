@@ -1,26 +1,76 @@
-"""What is mounted on what in a world: what comes to a mount of its kind is held there by a joint that breaks."""
+"""Mounts: a thing that is brought close to a mount of its kind is fixed to it, until something tears it off.
+
+Source: OmniGibson, object_states/attached_to.py.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-import sapien
 
 from mpvi_bt.finding.scene.mount_pose import Mount
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.house.goals.world_state import WorldState
-from mpvi_bt.house.rules.mounts import NEAR_M, Fitting, breaks, fits
-from mpvi_bt.house.sim.builder import Thing
+from mpvi_bt.ground.marked_yaml import Coordinate, Record
+from mpvi_bt.house.states.in_world import Springs, ThingLike
+from mpvi_bt.house.states.world_state import WorldState
 
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+_AXES: Mapping[Axis, Array] = {
+    "x": np.array([1.0, 0, 0]), "-x": np.array([-1.0, 0, 0]),
+    "y": np.array([0.0, 1, 0]), "-y": np.array([0.0, -1, 0]),
+    "z": np.array([0.0, 0, 1]), "-z": np.array([0.0, 0, -1]),
+}  # fmt: skip
+NEAR_M, NEAR_RAD = 0.05, float(np.deg2rad(15.0))
+BREAKS_N, BREAKS_NM = 5e3, 1e4
 # Our choice: a joint that tells how hard it is pulled, so it is a spring. 5 kN stretch it by 2.5 cm.
-_STIFFNESS_N_M, _STIFFNESS_NM_RAD = 2e5, 2e4
-_DAMPING_N_S_M, _DAMPING_NM_S_RAD = 2e2, 2e1
+_LINEAR, _ANGULAR = np.array([2e5, 2e2]), np.array([2e4, 2e1])  # stiffness [N/m, N m/rad] and damping
+
+
+class Fitting(Record):
+    """A mount as the catalogue has it.
+
+    Attributes:
+        kind: Of the pair, such as "wall_nail".
+        male: Whether it is the child's, which comes to hang on or stand on the other.
+        at: (3,) in the thing's frame [m].
+        facing: The axis of the thing's frame that looks away from what bears it: a child comes from there.
+        up: Another one, that is turned alike on both once they are mounted.
+    """
+
+    kind: str
+    male: bool = False
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    facing: Axis = "x"
+    up: Axis = "z"
+
+    def pose(self, T_world_thing: Array) -> Array:
+        """(4, 4) the mount in the world: x as it faces, z up."""
+        x, z = _AXES[self.facing], _AXES[self.up]
+        T = np.eye(4)
+        T[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+        T[:3, 3] = self.at
+        return matmul(T_world_thing, T)
+
+
+def fits(child: Mount, parent: Mount, contact: bool) -> bool:
+    """Whether a child is fixed to a parent now: they touch, their mounts are a free pair, close and turned alike."""
+    if not (contact and child.kind == parent.kind and child.male and not parent.male and child.free and parent.free):
+        return False
+    off = float(norm(child.pose[:3, 3] - parent.pose[:3, 3]))
+    turn = matmul(child.pose[:3, :3].T, parent.pose[:3, :3])
+    angle = float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0)))
+    return off <= NEAR_M and angle <= NEAR_RAD
+
+
+def breaks(force_n: float, torque_nm: float) -> bool:
+    """Whether what holds two mounts together gives way."""
+    return force_n > BREAKS_N or torque_nm > BREAKS_NM
 
 
 @dataclass(eq=False)
@@ -29,23 +79,22 @@ class _Joint:
 
     parent: str
     between: Array
-    drive: sapien.physx.PhysxDriveComponent
 
 
 class Mounts:
     """What is mounted on what."""
 
     def __init__(
-        self, scene: sapien.Scene, things: Mapping[str, Thing], fittings: Mapping[str, tuple[Fitting, ...]]
+        self, springs: Springs, things: Mapping[str, ThingLike], fittings: Mapping[str, tuple[Fitting, ...]]
     ) -> None:
         """Nothing is mounted yet.
 
         Args:
-            scene: Where the things are.
+            springs: What can tie one thing to another.
             things: By name.
             fittings: The mounts of each thing that has any.
         """
-        self._scene, self._things, self._fittings = scene, things, dict(fittings)
+        self._springs, self._things, self._fittings = springs, things, dict(fittings)
         self._pairs = [
             (child, parent, mine, theirs)
             for child, own in fittings.items()
@@ -69,7 +118,7 @@ class Mounts:
         for child in [name for name, joint in self._joints.items() if self._torn(name, joint)]:
             self._take_off(child)
         for child, parent, mine, theirs in self._pairs:
-            apart = math.dist(self._things[child].entity.pose.p, self._things[parent].entity.pose.p)
+            apart = math.dist(self._things[child].origin, self._things[parent].origin)
             if child in self._joints or apart > NEAR_M + math.hypot(*mine.at) + math.hypot(*theirs.at):
                 continue
             male, female = self._mount(child, mine), self._mount(parent, theirs)
@@ -104,18 +153,12 @@ class Mounts:
     def _torn(self, child: str, joint: _Joint) -> bool:
         off = matmul(kin.inverse(joint.between), self._between(child, joint.parent))
         turn = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
-        return breaks(_STIFFNESS_N_M * float(norm(off[:3, 3])), _STIFFNESS_NM_RAD * turn)
+        return breaks(_LINEAR[0] * float(norm(off[:3, 3])), _ANGULAR[0] * turn)
 
     def _fix(self, child: str, parent: str, between: Array) -> None:
-        below, thing = self._things[parent], self._things[child]
-        T = between if below.moves else matmul(below.T_world_body(), between)
-        drive = self._scene.create_drive(
-            below.root_body if below.moves else None, sapien.Pose(T), thing.root_body, sapien.Pose()
-        )
-        for linear in (drive.set_drive_property_x, drive.set_drive_property_y, drive.set_drive_property_z):
-            linear(_STIFFNESS_N_M, _DAMPING_N_S_M)
-        drive.set_drive_property_slerp(_STIFFNESS_NM_RAD, _DAMPING_NM_S_RAD)
-        self._joints[child] = _Joint(parent, between, drive)
+        self._springs.tie(child, parent, between, _LINEAR, _ANGULAR)
+        self._joints[child] = _Joint(parent, between)
 
     def _take_off(self, child: str) -> None:
-        self._things[child].entity.remove_component(self._joints.pop(child).drive)
+        del self._joints[child]
+        self._springs.untie(child)

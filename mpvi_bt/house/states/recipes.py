@@ -1,16 +1,57 @@
-"""Recipes in a world: what has all on it that belongs there becomes another thing in an oven that is on."""
+"""Recipes: what an oven makes of a thing with all that belongs on it, such as a pizza of dough.
+
+Source: OmniGibson, transition_rules.py; the recipes themselves are of the catalogue, after those of BEHAVIOR's tasks.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
+from typing import Annotated, Protocol
 
-from mpvi_bt.house.goals.predicates import covered, ontop
-from mpvi_bt.house.goals.world_state import WorldState
-from mpvi_bt.house.rules.recipes import Recipe, baked
-from mpvi_bt.house.sim.presence import Presence
-from mpvi_bt.house.things.catalogue import CatalogueEntry
+from pydantic import Field
+
+from mpvi_bt.ground.marked_yaml import Record, Synset
+from mpvi_bt.house.states.in_world import Coming
+from mpvi_bt.house.states.relations import covered, ontop
+from mpvi_bt.house.states.world_state import WorldState
 
 _LOOKS_STEPS = 30  # control steps between two looks at what lies on a thing
+
+
+class Recipe(Record):
+    """What a thing becomes in an oven that is on, whatever its temperature.
+
+    Attributes:
+        into: Name of the catalogue's entry that it becomes.
+        covered_by: Synsets of the grains that have to cover it.
+        topped_with: How many of each synset have to lie on it.
+        on: Synset of what it has to lie on; None: anything.
+    """
+
+    into: str
+    covered_by: tuple[Synset, ...] = ()
+    topped_with: dict[Synset, Annotated[int, Field(ge=1, le=12)]] = {}
+    on: Synset | None = None
+
+
+def baked(recipe: Recipe, covered_by: Set[str], topped_with: Mapping[str, int], on: Set[str]) -> bool:
+    """Whether a thing in an oven that is on becomes what its recipe says, by the synsets of what is about it."""
+    topped = all(topped_with.get(kind, 0) >= number for kind, number in recipe.topped_with.items())
+    return set(recipe.covered_by) <= covered_by and topped and (recipe.on is None or recipe.on in on)
+
+
+class _BakeKind(Protocol):
+    """An entry of the catalogue."""
+
+    @property
+    def synset(self) -> str:
+        """What it is."""
+        ...
+
+    @property
+    def bakes(self) -> Recipe | None:
+        """What an oven makes of it."""
+        ...
 
 
 class Baking:
@@ -18,8 +59,8 @@ class Baking:
 
     def __init__(
         self,
-        presence: Presence,
-        entries: Mapping[str, CatalogueEntry],
+        presence: Coming,
+        entries: Mapping[str, _BakeKind],
         in_oven: Callable[[str], bool],
         became: Callable[[str, str], None],
     ) -> None:

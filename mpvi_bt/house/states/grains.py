@@ -1,18 +1,65 @@
-"""Grains in the hot vessels of a world: popcorn that pops in its bag, diced food that cooks in a pan."""
+"""Grains: diced food, popcorn or the like, many small bodies that vessels hold; hot vessels cook them.
+
+Source: OmniGibson, object_states/contains.py, filled.py, transition_rules.py.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+
+import numpy as np
 
 from mpvi_bt.ground.geometry.linear_algebra import norm
-from mpvi_bt.house.goals.predicates import hot
-from mpvi_bt.house.goals.world_state import WorldState
-from mpvi_bt.house.sim.holding import distance
-from mpvi_bt.house.sim.presence import Presence
-from mpvi_bt.house.things.catalogue import SUBSTANCE, CatalogueEntry
+from mpvi_bt.ground.geometry.rays import distance
+from mpvi_bt.ground.geometry.solids import Solid
+from mpvi_bt.house.states.heat import Thermal, heated
+from mpvi_bt.house.states.in_world import Coming, FormLike
+from mpvi_bt.house.states.world_state import WorldState
 
+SUBSTANCE = "macroPhysicalSubstance"  # the ability of what is grains: diced food, popcorn
+FILLED = 0.2  # of a vessel's volume
 _LOOKS_STEPS = 5  # control steps between two looks, as of temperatures
 _NEAR_M = 0.4  # from a vessel's origin to whatever is in it, at the most
+
+
+def contains(grains: int) -> bool:
+    """Whether a vessel holds any of a kind: one of so many grains is enough."""
+    return grains > 0
+
+
+def filled(grains_m3: float, volume_m3: float) -> bool:
+    """Whether a vessel of a volume is filled with a kind; each grain counts as the cube about it."""
+    return grains_m3 > FILLED * volume_m3
+
+
+def space_m3(solids: Iterable[Solid]) -> float:
+    """What solids take up [m^3], such as those of a grain or the volumes of a vessel; a sphere as the cube about it."""
+    return sum(float(np.prod(2 * s.half_m)) * (np.pi / 4 if s.kind == "cylinder" else 1.0) for s in solids)
+
+
+class _CookKind(Protocol):
+    """An entry of the catalogue."""
+
+    @property
+    def abilities(self) -> tuple[str, ...]:
+        """Such as that of a substance."""
+        ...
+
+    @property
+    def heat(self) -> Thermal | None:
+        """What heat does to it."""
+        ...
+
+    @property
+    def cooks_to(self) -> str | None:
+        """The entry that it becomes in a hot vessel."""
+        ...
+
+    @property
+    def description(self) -> FormLike:
+        """What it is made of."""
+        ...
 
 
 class Cooking:
@@ -21,9 +68,7 @@ class Cooking:
     A kernel itself would have to come to 93 degrees, which a microwave never does (OmniGibson, transition_rules.py).
     """
 
-    def __init__(
-        self, presence: Presence, entries: Mapping[str, CatalogueEntry], became: Callable[[str, str], None]
-    ) -> None:
+    def __init__(self, presence: Coming, entries: Mapping[str, _CookKind], became: Callable[[str, str], None]) -> None:
         """Nothing is cooked yet.
 
         Args:
@@ -43,7 +88,7 @@ class Cooking:
         if self._looked or not self._raw:
             return
         for vessel in self._vessels:
-            if state.exists(vessel) and hot(state, vessel):
+            if state.exists(vessel) and heated(*state.heat(vessel)):
                 for grain in self._within(vessel):
                     self._cook(grain)
 
