@@ -12,12 +12,12 @@ import pytest
 from mpvi_bt.finding.shapes.moving_parts import Door, moved, outward, panel
 from mpvi_bt.ground.geometry.solids import box
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
+from mpvi_bt.hands.motion.door_views import seen_twice, stand_before, stand_before_open
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.skills import close as closing
 from mpvi_bt.hands.skills.close import close, is_closed
 from mpvi_bt.hands.skills.open import course_search, is_open, open_
-from mpvi_bt.hands.skills.openings import seen_twice, stand_before, stand_before_open
 from mpvi_bt.hands.skills.push_courses import pushes
 from mpvi_bt.hands.stance.course import CourseSearch
 from mpvi_bt.hands.stance.effort import Effort

@@ -20,13 +20,13 @@ from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import SIDES, other
 from mpvi_bt.ground.robot.squeeze import squeezes
 from mpvi_bt.ground.words.phrases import kinds
+from mpvi_bt.hands.motion.door_views import stand_before_open
 from mpvi_bt.hands.motion.gaze import look_down, turn_to
 from mpvi_bt.hands.motion.view_held import show
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.readings import count, readings
 from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from mpvi_bt.hands.policies.visual_search import look_for, look_from_elsewhere
-from mpvi_bt.hands.skills.openings import stand_before_open
 from mpvi_bt.hands.skills.spots import is_floor
 
 # Our choice.

@@ -13,11 +13,12 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.door_views import seen_twice, stand_before, stand_before_front
 from mpvi_bt.hands.motion.follow import FOLLOW, go_along, resistance, take_up, touch
 from mpvi_bt.hands.motion.viewpoints import look_from_aside, look_over
 from mpvi_bt.hands.motion.work import AJAR, Words, Work
 from mpvi_bt.hands.skills.open import course_search, sides, swing, then_leave
-from mpvi_bt.hands.skills.openings import doors_meant, seen_twice, stand_before, stand_before_front, thing_meant
+from mpvi_bt.hands.skills.openings import doors_meant, thing_meant
 from mpvi_bt.hands.skills.push_courses import PUSH, pushes
 from mpvi_bt.hands.stance.course import Course, CourseStart
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from mpvi_bt.ground.robot.motion import MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.door_views import stand_before_open
 from mpvi_bt.hands.motion.gaze import study
 from mpvi_bt.hands.motion.hold_out import present
 from mpvi_bt.hands.motion.viewpoints import Look, around, drive_by_known, look_from
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.skills.openings import stand_before_open
 
 
 @dataclass(frozen=True)

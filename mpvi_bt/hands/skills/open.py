@@ -13,11 +13,12 @@ from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import ActionLayout, Side
 from mpvi_bt.hands.motion.carry import settle
+from mpvi_bt.hands.motion.door_views import look_beside, seen_twice, stand_before, stands_as
 from mpvi_bt.hands.motion.follow import FOLLOW, back_out, go_along, take_up, touch
 from mpvi_bt.hands.motion.viewpoints import look_over
 from mpvi_bt.hands.motion.work import LIFTED_M, Words, Work
 from mpvi_bt.hands.skills.bar_courses import swings
-from mpvi_bt.hands.skills.openings import doors_meant, look_beside, seen_twice, stand_before, stands_as, thing_meant
+from mpvi_bt.hands.skills.openings import doors_meant, thing_meant
 from mpvi_bt.hands.stance.course import AROUND_M, Course, CourseSearch, CourseStart
 
 
