@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, Solid, box
 from mpvi_bt.ground.robot.collision import Load, Surroundings

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
-from mpvi_bt.finding.scene.held import Held
-from mpvi_bt.finding.scene.in_hand import InHand
+from mpvi_bt.finding.scene.handling import InHand
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.finding.scene.seen import Seen
-from mpvi_bt.finding.scene.thing import SeenThing
+from mpvi_bt.finding.scene.thing_store import SeenThing
 from mpvi_bt.finding.shapes.shape import Shape
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Solid
@@ -56,7 +56,7 @@ def test_fingers_hold_what_keeps_them_apart_not_what_lies_in_it() -> None:
     for name, half, off in (("die 1", 0.01, 0.0), ("cup 1", 0.035, 0.04)):
         at = kin.transform(np.eye(3), T[:3, 3] + [0.0, 0.0, off])
         shape = Shape("box", at, (Solid("box", np.full(3, half), at),), 0.0)
-        seen._things[name] = SeenThing(name, name[:3], shape)
+        seen.things.put(SeenThing(name, name[:3], shape))
     seen.feel(felt)
     assert seen.holding("left") == "cup 1"
 

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.finding.scene.scene import Scene
 from mpvi_bt.finding.shapes.from_above import outline
 from mpvi_bt.ground.geometry import kinematics as kin

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
-from mpvi_bt.finding.scene import memory
-from mpvi_bt.finding.scene import seen as module
+from mpvi_bt.finding.scene import associator, seen_parts
 from mpvi_bt.finding.scene.hands import TOUCH
 from mpvi_bt.finding.scene.occupancy import Occupancy
 from mpvi_bt.finding.scene.seen import Seen
-from mpvi_bt.finding.scene.thing import SeenThing
+from mpvi_bt.finding.scene.thing_store import SeenThing
 from mpvi_bt.finding.shapes.furniture_shape import furniture
 from mpvi_bt.finding.shapes.moving_parts import Door
 from mpvi_bt.ground.geometry import kinematics as kin
@@ -167,11 +166,11 @@ def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> No
         shape = furniture(points)
         assert shape is not None
         name = f"table {k + 1}"
-        seen._things[name] = SeenThing(name, "table", shape)
-    seen._things["can 1"] = SeenThing("can 1", "can", shape, inside="table 2")
+        seen.things.put(SeenThing(name, "table", shape))
+    seen.things.put(SeenThing("can 1", "can", shape, inside="table 2"))
     look(world, seen)
     assert len(names(seen, "table")) == count
-    assert seen._things["can 1"].inside == f"table {count}"
+    assert seen.things["can 1"].inside == f"table {count}"
 
 
 def test_what_is_not_asked_for_is_no_thing() -> None:
@@ -283,7 +282,7 @@ def test_doors_are_searched_for_once_in_the_same_pictures(monkeypatch: pytest.Mo
         searches.append(len(points))
         return []
 
-    monkeypatch.setattr(module, "fronts", fronts)
+    monkeypatch.setattr(seen_parts, "fronts", fronts)
     seen = Seen(SegmentationDetector({"table_1": ("table",), "table_2": ("table",)}, least_px=1))
     seen.forget(["table"])
     look(world, seen)
@@ -307,8 +306,8 @@ def test_what_is_looked_at_closely_does_not_hang_on_an_order() -> None:
     here = world.robot.proprioception().base_pose[:2]
     for without in ([can, table], [table, can]):
         seen.obstacles(here, 2.0, without=without)
-        assert seen._focus is not None
-        np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].aabb().mean(0), atol=0.01)
+        assert seen.space.focus is not None
+        np.testing.assert_allclose(seen.space.focus, world.solids("can_1")[0].aabb().mean(0), atol=0.01)
 
 
 def basket(*eggs: tuple[float, float]) -> SimWorld:
@@ -403,7 +402,7 @@ def test_what_a_hand_holds_is_known_again_under_the_next_prompt() -> None:
     def again(phrase: str, off_m: float = 0.0) -> bool:
         seen.forget([phrase])
         off = kin.transform(np.eye(3), (0.0, 0.0, off_m))
-        taken = seen._deeds.taken
+        taken = seen.deeds.taken
         taken.update({side: (called, shape.moved(off)) for side, (called, shape) in taken.items()})
         look(world, seen)
         return seen.recognized("left")
@@ -440,7 +439,7 @@ def test_what_was_set_down_in_furniture_is_still_in_the_way_there() -> None:
     low, high = seen.knowledge().entries[bin_].lowest, seen.knowledge().entries[bin_].highest
     foot = np.array([[low[0] + 0.004, y, z] for y in (-0.1, 0.0, 0.1) for z in (0.02, 0.06, 0.1)])
     for container, stands, known in ((None, False, True), (table, True, True), (table, False, False)):
-        seen._things[bin_].inside, seen._things[bin_].stands = container, stands
+        seen.things[bin_].inside, seen.things[bin_].stands = container, stands
         with seen.trusting():
             assert (seen.obstacles((low + high)[:2] / 2, 1.0).distance(foot) < 0.01).all() == known
     assert seen.within(bin_) == [egg]
@@ -576,15 +575,13 @@ def test_a_vessel_of_which_only_the_outside_is_seen_is_a_vessel_still() -> None:
     seen = looking(tilted(world), "trash can")
     (name,) = names(seen, "trash can")
     assert seen.volumes(name)
-    known = seen._things[name]
-    frame, mask = known.views[-1]
-    massive = replace(known.shape, kind="cylinder", volumes=())
+    massive = replace(seen.things[name].shape, kind="cylinder", volumes=())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(memory, "fitted", lambda *_: massive)
-        seen._update(known, frame, mask)
+        patch.setattr(associator, "fitted", lambda *_: massive)
+        look(world, seen)
         assert seen.volumes(name)
-        patch.setattr(memory, "fitted", lambda *_: massive.moved(kin.transform(np.eye(3), (0.1, 0.0, 0.0))))
-        seen._update(known, frame, mask)
+        patch.setattr(associator, "fitted", lambda *_: massive.moved(kin.transform(np.eye(3), (0.1, 0.0, 0.0))))
+        look(world, seen)
     assert not seen.volumes(name)  # what stands elsewhere may be something else
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.finding.scene.thing import SeenThing, is_again
+from mpvi_bt.finding.scene.associator import is_again
+from mpvi_bt.finding.scene.thing_store import SeenThing
 from mpvi_bt.finding.shapes.shape import Shape
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Solid

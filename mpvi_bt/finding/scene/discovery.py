@@ -17,7 +17,7 @@ from pydantic import TypeAdapter
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase, calls
 from mpvi_bt.finding.perception.detector import Detection, Detector
 from mpvi_bt.finding.perception.sighting import Looks, Sighting, covers, middle_in_sight, shows, sightings
-from mpvi_bt.finding.scene.association import NEVER, associated
+from mpvi_bt.finding.scene.assignment import NEVER, associated
 from mpvi_bt.finding.scene.belief import BELIEF, Belief
 from mpvi_bt.finding.scene.carrying import Carrying
 from mpvi_bt.ground.errors import DetectorError

@@ -1,18 +1,18 @@
-"""Pictures as a policy remembers them: points in the world by its own reckoning, and what they show."""
+"""Pictures as a policy remembers them: points in the world by its own odometry, and what the pictures show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.finding.perception.detector import ROBOT, Detector
+from mpvi_bt.finding.perception.detector import ROBOT, Detector, switch_of
 from mpvi_bt.finding.perception.localize import pixels
 from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception
@@ -23,6 +23,19 @@ _OWN_PX = 2  # the robot's mask is grown so far
 _STEEP = 4.0  # faces seen at a flatter slant than one in so many are rare; their next row is that much farther
 FLOOR_M = 0.025  # our choice: what is lower than this is taken for the floor, as camera mounts are off
 SEEN_PX = 6  # our choice: a mask of fewer pixels tells no shape, and is not looked at
+
+
+@dataclass(frozen=True)
+class Keeping:
+    """Which pictures are kept and for how long they count. Our choice: odometry drifts only while the base drives."""
+
+    kept: int = 20  # remembered pictures
+    moved: tuple[float, float] = (0.01, 0.015)  # a base that has moved farther stands at another place [m, rad]
+    passed_m: float = 1.0  # driving after which a picture no longer shows where the base can go [m]
+    carved: int = 4  # pictures of the head that the field of obstacles is carved from
+
+
+_KEEPING = Keeping()
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +108,65 @@ class Frame:
             return None
         seen = float(np.median(self.image.depth[v - 1 : v + 2, u - 1 : u + 2]))
         return (float(p[2]), seen) if seen > 0 else None
+
+
+class Pictures:
+    """The newest pictures, and the driving between them.
+
+    Attributes:
+        frames: The pictures, the newest last.
+        stand: Number of the standing place where the robot is now.
+        way_m: How far the base has driven [m], turns counted by the distance that its wheels roll.
+        changes: How often pixels of a picture were found to be the robot's, or its payload's.
+    """
+
+    def __init__(self, detector: Detector, phrases: Iterable[str]) -> None:
+        """Keep no picture yet; `detector` looks for `phrases`, and for the switches of what they name."""
+        self._detector = detector
+        self._phrases = (*phrases, *map(switch_of, phrases))
+        self.frames: list[Frame] = []
+        self.stand, self.way_m, self.changes = 0, 0.0, 0
+        self._stood = np.full(3, np.inf)
+
+    def feel(self, felt: Proprioception) -> None:
+        """Take in one step of proprioception: the base may have moved to another standing place."""
+        moved = felt.base_pose - self._stood
+        if norm(moved[:2]) > _KEEPING.moved[0] or abs(kin.wrap(moved[2])) > _KEEPING.moved[1]:
+            if self.stand:
+                turned = robot_named(felt.robot).base.turn_m * abs(float(kin.wrap(moved[2])))
+                self.way_m += float(np.hypot(*moved[:2])) + turned
+            self.stand, self._stood = self.stand + 1, felt.base_pose.copy()
+
+    def add(self, image: CameraImage, felt: Proprioception) -> Frame:
+        """Take in a picture."""
+        frame = take(image, felt, self._detector, self._phrases, self.stand, self.way_m)
+        self.frames = [*self.frames, frame][-_KEEPING.kept :]
+        return frame
+
+    def give_to_robot(self, frame: Frame, pixels: NDArray[np.bool_] | tuple[NDArray[np.intp], ...]) -> None:
+        """Count pixels of a picture as the robot's own: they show its payload."""
+        frame.robot[pixels] = True
+        self.changes += 1
+
+    def head(self) -> list[Frame]:
+        """The pictures of the head."""
+        return [f for f in self.frames if f.image.camera == "head"]
+
+    def here(self) -> list[Frame]:
+        """The newest pictures of the head from this place, or else from the last one."""
+        head = self.head()
+        here = [f for f in head if f.stand == self.stand] or [f for f in head if f.stand == head[-1].stand]
+        return here[-_KEEPING.carved :]
+
+    def before(self) -> list[Frame]:
+        """The newest pictures of the head from other places near by: from here less may be in view than on the way."""
+        here = self.here()
+        stand = here[-1].stand if here else self.stand
+        return [f for f in self.passed() if f.stand != stand][-_KEEPING.carved :]
+
+    def passed(self) -> list[Frame]:
+        """The pictures of the head from the last meter of driving."""
+        return [f for f in self.head() if self.way_m - f.way_m < _KEEPING.passed_m]
 
 
 def take(

@@ -10,7 +10,8 @@ import numpy as np
 
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
-from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.geometry.solids import Array, Solid
+from mpvi_bt.ground.robot.collision import Load
 from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.squeeze import squeezes
@@ -180,3 +181,24 @@ def falls_into(center: Array, rooms: Sequence[Array]) -> int | None:
     """
     below = [k for k, (low, high) in enumerate(rooms) if (center > low).all() and (center[:2] < high[:2]).all()]
     return max(below, key=lambda k: float(rooms[k][1, 2]), default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What a hand holds.
+
+    Attributes:
+        name: The thing.
+        side: The hand.
+        T_tcp_thing: (4, 4).
+        solids: Of it and what lies in it, in the tcp frame.
+        load: The same, for collision checks.
+        laden: Whether something lies in it or on it, which falls out if it is tipped.
+    """
+
+    name: str
+    side: Side
+    T_tcp_thing: Array
+    solids: tuple[Solid, ...]
+    load: Load
+    laden: bool = False

@@ -13,7 +13,8 @@ from mpvi_bt.executive.plan.knowledge import contents
 from mpvi_bt.executive.plan.skills import Skill, SkillCall
 from mpvi_bt.finding.perception.detector import Detector
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
-from mpvi_bt.finding.scene.seen import Seen, Standing
+from mpvi_bt.finding.scene.free_space import Standing
+from mpvi_bt.finding.scene.seen import Seen
 from mpvi_bt.ground.errors import shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.finding.shapes.from_above import outline
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm

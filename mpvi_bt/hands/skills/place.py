@@ -10,7 +10,7 @@ from itertools import chain, islice
 
 import numpy as np
 
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side, other

@@ -11,7 +11,7 @@ from itertools import tee
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.rotations import rotation

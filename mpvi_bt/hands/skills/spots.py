@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.executive.plan.knowledge import normalize
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.finding.shapes.from_above import disc, outline
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm

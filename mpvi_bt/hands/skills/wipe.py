@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.finding.scene.held import Held
+from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.finding.shapes.from_above import outline
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm

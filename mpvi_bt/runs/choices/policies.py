@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mpvi_bt.executive.actions.paced import PacedPolicy
     from mpvi_bt.executive.remote.dialect_settings import DialectSettings
     from mpvi_bt.executive.remote.observation import Vocabulary
-    from mpvi_bt.finding.scene.seen import Standing
+    from mpvi_bt.finding.scene.free_space import Standing
     from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
 
 _REMOTE = (":openpi", ":vla_eval")  # factories of policies whose rate others say

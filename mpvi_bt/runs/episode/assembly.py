@@ -14,7 +14,7 @@ from mpvi_bt.executive.tree.relevant import task_relevant
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.finding.navigation.exploring import ExploringNavigator
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.finding.scene.seen import Standing
+from mpvi_bt.finding.scene.free_space import Standing
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.house.layout.house import House
