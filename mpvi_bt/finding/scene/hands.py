@@ -1,4 +1,8 @@
-"""What the hands hold of what is known, by touch: it moves with them, and stays where they let go of it."""
+"""What the hands hold: which thing, told by touch, and its solids as skills and collision checks need them.
+
+A payload moves with the hand, and stays where the hand lets go of it. `handling` (for a policy) and `carrying` (for the
+navigator) decide which of the things that each knows it is.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import Generic, Literal, Protocol, Self, TypeVar
 
 import numpy as np
 
+from mpvi_bt.finding.scene.scene import Scene
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array, Solid
@@ -202,3 +207,13 @@ class Held:
     solids: tuple[Solid, ...]
     load: Load
     laden: bool = False
+
+    @classmethod
+    def of(cls, scene: Scene, side: Side, T_world_tcp: Array) -> Held | None:
+        """What a hand, which is at `T_world_tcp` (4, 4) now, holds with what lies in it; None: nothing."""
+        if (name := scene.holding(side)) is None:
+            return None
+        frame = kin.inverse(T_world_tcp)
+        solids = tuple(s.moved(frame) for n in (name, *scene.within(name)) for s in scene.solids(n))
+        load = Load(solids, [v.moved(frame) for v in scene.volumes(name)])
+        return cls(name, side, matmul(frame, scene.pose(name)), solids, load, scene.laden(name))

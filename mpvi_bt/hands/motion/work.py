@@ -13,7 +13,7 @@ from mpvi_bt.finding.scene.scene import Scene
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
-from mpvi_bt.ground.robot.collision import Body, Load, Obstacles, Surroundings, Together
+from mpvi_bt.ground.robot.collision import Body, Obstacles, Surroundings, Together
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Side
 from mpvi_bt.ground.words.phrases import OTHER, normalize, read
@@ -189,17 +189,8 @@ class Work:
 
     def held(self) -> dict[Side, Held]:
         """What each hand holds, with what lies in it."""
-        out: dict[Side, Held] = {}
-        for side in SIDES:
-            name = self.scene.holding(side)
-            if name is not None:
-                frame = kin.inverse(self.hand(side))
-                inner = self.scene.within(name)
-                solids = tuple(s.moved(frame) for n in (name, *inner) for s in self.scene.solids(n))
-                volumes = [v.moved(frame) for v in self.scene.volumes(name)]
-                load, laden = Load(solids, volumes), self.scene.laden(name)
-                out[side] = Held(name, side, matmul(frame, self.scene.pose(name)), solids, load, laden)
-        return out
+        held = (Held.of(self.scene, side, self.hand(side)) for side in self.motion.robot.sides)
+        return {one.side: one for one in held if one is not None}
 
     def load(self, side: Side) -> Held:
         """What a hand holds, with what lies in it.
