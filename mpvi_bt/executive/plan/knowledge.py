@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
@@ -71,25 +71,49 @@ class Entry:
         return (self.lowest + self.highest) / 2
 
 
+class Named(Protocol):
+    """A thing that has a name, and may be inside another one."""
+
+    name: str
+    inside: str | None
+
+
+Thing = TypeVar("Thing", bound=Named)
+
+
 @dataclass
-class KnowledgeBase:
-    """Entries by name; `find` answers phrases."""
+class Store(Generic[Thing]):
+    """Things by name, in the order in which they were found. The navigator has one, and so has a policy that sees."""
 
-    entries: dict[str, Entry] = field(default_factory=dict)
+    entries: dict[str, Thing] = field(default_factory=dict)
 
-    def put(self, entry: Entry) -> None:
-        """Add or replace an entry."""
+    def put(self, entry: Thing) -> None:
+        """Add or replace a thing."""
         self.entries[entry.name] = entry
 
     def drop(self, name: str) -> None:
-        """Forget an entry; what was inside it is inside nothing known from now on."""
+        """Forget a thing."""
         del self.entries[name]
-        for entry in self:
-            if entry.inside == name:
-                entry.inside, entry.held = None, False
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[Thing]:
         return iter(self.entries.values())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.entries
+
+    def within(self, name: str) -> list[str]:
+        """The names of the things that are inside a thing."""
+        return [entry.name for entry in self if entry.inside == name]
+
+
+class KnowledgeBase(Store[Entry]):
+    """What is known of rooms, fixtures and objects; `find` answers phrases."""
+
+    def drop(self, name: str) -> None:
+        """Forget an entry; what was inside it is inside nothing known from now on."""
+        super().drop(name)
+        for inner in self.within(name):
+            self.entries[inner].inside, self.entries[inner].held = None, False
 
     def find(self, phrase: str, room: str | None = None) -> list[Entry]:
         """Entries that `phrase` names and that are likely enough there (`LIKELY`), what is not yet put away first.
@@ -138,7 +162,7 @@ class KnowledgeBase:
         reading = read(phrase)
         if reading is None or len(found) < 2:
             return found
-        inside = within or (lambda name: [e.name for e in self if e.inside == name])
+        inside = within or self.within
         fitting = found
         if ("filling", "empty") in reading.qualities:
             fitting = [e for e in fitting if not inside(e.name) and not e.filled]

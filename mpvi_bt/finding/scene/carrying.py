@@ -169,7 +169,7 @@ class Carrying:
 
     def _with_contents(self, name: str) -> list[Entry]:
         """An entry, if it is still known, and what is in it."""
-        return [e for e in self._knowledge if e.name == name or e.inside == name]
+        return [e for e in self._knowledge if name in (e.name, e.inside)]
 
     # ------------------------------------------------------------------------------------------ saving
 

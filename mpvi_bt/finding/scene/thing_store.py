@@ -5,11 +5,11 @@ A detector's masks carry no names, so things are known by phrase and number, suc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from mpvi_bt.executive.plan.knowledge import Store
 from mpvi_bt.finding.scene.hands import HandTracker
 from mpvi_bt.finding.scene.several_views import View
 from mpvi_bt.finding.shapes.shape import Shape
@@ -40,7 +40,7 @@ class SeenThing:
     lowest_m: float = np.inf
 
 
-class ThingStore:
+class ThingStore(Store[SeenThing]):
     """Things by name, and which of them the hands hold. It decides nothing: others add, replace and drop things.
 
     Attributes:
@@ -49,35 +49,20 @@ class ThingStore:
 
     def __init__(self, hands: HandTracker[Shape]) -> None:
         """Begin with no thing."""
+        super().__init__()
         self.hands = hands
-        self._things: dict[str, SeenThing] = {}
         self._count: dict[str, int] = {}
-
-    def __iter__(self) -> Iterator[SeenThing]:
-        """The things, those that were found first in front."""
-        return iter(self._things.values())
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._things
 
     def __getitem__(self, name: str) -> SeenThing:
         """A thing. Raises MotionFailure "lost_sight" if it is not where it was seen any more."""
-        if name not in self._things:
+        if name not in self:
             raise MotionFailure("lost_sight")
-        return self._things[name]
+        return self.entries[name]
 
     def new_name(self, phrase: str) -> str:
         """A name for another thing of a phrase."""
         self._count[phrase] = self._count.get(phrase, 0) + 1
         return f"{phrase} {self._count[phrase]}"
-
-    def put(self, thing: SeenThing) -> None:
-        """Add or replace a thing."""
-        self._things[thing.name] = thing
-
-    def drop(self, name: str) -> None:
-        """Forget a thing."""
-        del self._things[name]
 
     def put_into(self, thing: SeenThing, container: str) -> None:
         """A thing, whose shape is known where it is now, is in a container, and goes along with it from now on."""
@@ -89,10 +74,6 @@ class ThingStore:
         """The shape of a thing, where it is now."""
         thing, carried = self[name], self.hands.carried(name)
         return thing.shape if carried is None else carried
-
-    def within(self, name: str) -> list[str]:
-        """The things that are in a container: they were let go of over it, or are seen in it."""
-        return [thing.name for thing in self if thing.inside == name]
 
     def is_carried(self, thing: SeenThing) -> bool:
         """Whether a hand holds a thing, or the container that it is in."""
