@@ -1,1 +1,1 @@
-"""What every wing stands on: errors, files, protocols, geometry, and what a robot is."""
+"""The base of every wing: errors, files, protocols, geometry and robots."""

@@ -1,4 +1,4 @@
-"""Loops over arrays, compiled by numba and kept beside their file or, where that is read-only, in the user's cache."""
+"""Array loops compiled by numba, with a cache beside their file or, if that is read-only, in the user's cache."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Compiling:
     told: Callable[[], None] | None = None
 
     def clock(self) -> float:
-        """A monotonic clock [s] that stands still while loops are compiled: for what is measured and compared."""
+        """A monotonic clock [s] for measurements; it stands still during compilation."""
         return time.perf_counter() - self.seconds
 
 

@@ -43,7 +43,7 @@ class UserError(MpviError):
 
 
 class UnknownName(UserError):
-    """A name that is not known, with what would be.
+    """An unknown name; the message lists valid ones.
 
     Attributes:
         kind: What was looked up, such as "task".
@@ -100,7 +100,7 @@ class Problem:
         whose: str = "",
         **more: Any,
     ) -> Problem:
-        """The problem of a name that is not known, such as a room that the house does not have; `whose`: " of it"."""
+        """The problem of an unknown name, such as a room missing from the house. `whose` is added, as in " of it"."""
         names = sorted(known)
         near = nearest(given, names)
         message = f"unknown {kind} {shown(given)}{whose}.{did_you_mean(near, names)}"
@@ -130,7 +130,7 @@ class BackendError(MpviError):
 
 
 class DiskFull(BackendError):
-    """There is no room for what is to be written, on the disk or in what the user may take of it."""
+    """No space left on the disk, or in the user's quota."""
 
 
 class NoRenderingDevice(BackendError):
@@ -183,7 +183,7 @@ class ModelError(CodedError):
 
 
 class BadMessage(BackendError):
-    """Bytes that came over a connection are not what the protocol says."""
+    """Received bytes do not follow the protocol."""
 
 
 class NodeError(MpviError):
@@ -230,7 +230,7 @@ _LONGEST = 2000  # Our choice: a screen full
 
 
 def bounded(text: str, longest: int = _LONGEST) -> str:
-    """A message of which no line is longer than about so many characters: the middle of one that is, is left out."""
+    """The message with long lines shortened: their middle is left out."""
     if len(text) <= longest:
         return text
     head, tail = 3 * longest // 4, longest // 4

@@ -9,7 +9,7 @@ from mpvi_bt.ground import paths
 
 
 def install(extra: str) -> str:
-    """The command that adds what an extra of pyproject.toml needs, such as "rerun".
+    """The command that installs an extra of pyproject.toml, such as "rerun".
 
     mpvi_bt is in no package index yet, so it is installed from the clone that this runs from. Where it was installed
     from a wheel pip finds it in place, and adds only what the extra needs.

@@ -125,7 +125,7 @@ _TEXTS = (  # what is neither YAML nor JSON of ours, by its beginning
 
 
 def kind_of(data: Any, marks: SourceMarks) -> FileKind:
-    """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
+    """The kind of file with most of its top-level keys. Raises FileProblems."""
     keys = set(data) if isinstance(data, dict) else set()
     folder = Path(marks.file).resolve().parent.name
     kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
@@ -145,12 +145,12 @@ def expect(name: str, data: Any, marks: SourceMarks) -> None:
 
 
 def taken_by(kind: FileKind) -> str:
-    """What a file of that kind is for, in words."""
+    """The use of a kind of file, in words."""
     return f"it is for {f'`{kind.use}`' if kind.use.startswith('mpvi') else kind.use}"
 
 
 def foreign(text: str, name: str) -> Iterator[Problem]:
-    """The problem of a text that is neither YAML nor JSON, if that is what it begins like."""
+    """The problem of a text that is neither YAML nor JSON, if its beginning shows its format."""
     for beginning, what, use in _TEXTS:
         if beginning.match(text):
             yield Problem(name, 1, 1, "wrong-kind", f"this is {what}, not YAML; it is for `{use}`")

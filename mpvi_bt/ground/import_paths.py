@@ -28,7 +28,7 @@ def imported(path: str, said: str, known: Sequence[str] = ()) -> Any:
 
 
 def found_at(path: str, said: str, known: Sequence[str] = ()) -> Any:
-    """What a path names, in what is installed, in the current folder, or in a file.
+    """The object at an import path: in an installed package, in the current folder, or in a file.
 
     Args:
         path: "module:name", or "folder/file.py:name".

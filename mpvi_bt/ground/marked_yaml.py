@@ -143,7 +143,7 @@ def validate(path: str | Path, model: type[Model]) -> Model:
 
 
 def validate_data(data: Any, marks: SourceMarks, model: type[Model], at: Location = ()) -> Model:
-    """As `validate`, of data that is already loaded, or of the part of a file's data that stands `at` a location.
+    """Like `validate`, for loaded data, or for the part of a file at the location `at`.
 
     Raises:
         FileProblems: Everything that is wrong with it.
@@ -288,7 +288,7 @@ _METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "foo
 
 
 def _in_metres(location: Location, value: Any) -> str:
-    """What a length that was given with its unit is in metres, for fields of metres; else ""."""
+    """The length in metres for a value with a unit, in fields of metres; else ""."""
     field = next((part for part in reversed(location) if isinstance(part, str)), "")
     given = _LENGTH.fullmatch(value) if isinstance(value, str) and field.endswith("_m") else None
     return (
@@ -313,7 +313,7 @@ def _wanted(model: type[BaseModel], location: Sequence[str | int]) -> tuple[str,
 
 
 def choices_of(hint: Any) -> list[str]:
-    """The words that a file may have for a field of that type; [] where there are more than can be listed."""
+    """The words allowed in a field of that type; [] if they cannot be listed."""
     members = list(_members(hint))
     words = [
         str(word) for part in members if typing.get_origin(part) is typing.Literal for word in typing.get_args(part)
@@ -322,7 +322,7 @@ def choices_of(hint: Any) -> list[str]:
 
 
 def fields_at(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:
-    """Keys that a file of `model` may have at a location (of every union member that fits)."""
+    """Keys allowed at a location in a file of `model` (of every fitting union member)."""
     return {f.alias or name for m in _models_at(model, location) for name, f in m.model_fields.items()}
 
 

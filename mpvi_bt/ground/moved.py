@@ -164,7 +164,7 @@ class OldNames:
 
 
 def _of_room(old: str, name: str) -> object:
-    """What the old room `old` had under that name: a module, or what its own file names. Raises AttributeError."""
+    """The object with that name in the old room `old`: a module or an exported name. Raises AttributeError."""
     if name.startswith("__"):
         raise AttributeError(name)
     if hasattr(room := importlib.import_module(f"mpvi_bt.{ROOMS[old]}"), name):

@@ -40,7 +40,7 @@ def roots() -> list[Path]:
 
 
 def caches() -> list[Path]:
-    """Where what can be made anew may be kept: the user's cache, or else a folder of this user in the temporary one."""
+    """Folders for caches: the user's cache, or else this user's folder among temporary files."""
     cache_home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return [Path(cache_home) / "mpvi_bt", Path(tempfile.gettempdir()) / f"mpvi_bt-{os.getuid()}"]
 

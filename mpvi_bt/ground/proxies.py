@@ -1,4 +1,4 @@
-"""Whether an address is of this machine, and which proxy of the environment leads to one that is not."""
+"""Tells addresses of this machine from others, and finds the proxy for the others."""
 
 from __future__ import annotations
 

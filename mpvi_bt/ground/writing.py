@@ -57,6 +57,6 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 
 def unwritable(what: str | Path, error: OSError) -> MpviError:
-    """What to raise where something cannot be written: bad input, unless the disk is full or broken."""
+    """The exception for a failed write: a user error, unless the disk is full or broken."""
     kind = DiskFull if error.errno in FULL else BackendError if error.errno in _OF_THE_MACHINE else UserError
     return kind(f"{what}: cannot be written: {(error.strerror or str(error)).lower()}")

@@ -53,7 +53,7 @@ class SourceMarks:
 
     @classmethod
     def unplaced(cls, data: Any, file: str) -> SourceMarks:
-        """Of data that stands in no file: without places, which give problems their JSON pointers."""
+        """Marks for data without a file: problems then have JSON pointers, but no lines."""
         marks = cls(file)
         left: list[tuple[Location, Any]] = [((), data)]
         while left:
@@ -87,7 +87,7 @@ class SourceMarks:
     def problem(
         self, location: Iterable[str | int], code: str, message: str, key: bool = False, **more: Any
     ) -> Problem:
-        """A problem at that location, for checks that a model cannot express. `more`: further fields of it."""
+        """A problem at that location, for checks beyond a model's. `more`: further fields of it."""
         location = tuple(location)
         line, column = self.at(location, key)
         return Problem(self.file, line, column, code, message, pointer=pointer(self.known(location)), **more)
@@ -101,7 +101,7 @@ class SourceMarks:
         key: bool = False,
         whose: str = "",
     ) -> Problem:
-        """The problem of a name that is not known, such as a room that the house does not have; `whose`: " of it"."""
+        """The problem of an unknown name, such as a room missing from the house. `whose` is added, as in " of it"."""
         location = tuple(location)
         at = pointer(self.known(location))
         return Problem.unknown(self.file, self.at(location, key), kind, given, known, whose, pointer=at)
@@ -152,7 +152,7 @@ class _YamlReader:
         return data, self.marks
 
     def _syntax(self, error: yaml.MarkedYAMLError) -> None:
-        """The parser's words where it stopped; and where the cause may be, if that is elsewhere."""
+        """Note the parser's message at its place, with the likely cause if that is elsewhere."""
         mark, start = error.problem_mark or error.context_mark, error.context_mark
         what = " ".join(filter(None, (error.context, error.problem)))
         # At the end of a text without a last newline libyaml points at a line that is not there.
@@ -296,7 +296,7 @@ _CAUSES = {  # of libyaml's words, what to do
 
 
 def _cause(what: str, text: str, at: int) -> str:
-    """The parser's words; of a character that cannot stand where it does its name, and what to write in its place."""
+    """The parser's message; for an illegal character its name and the correction."""
     char = text[at : at + 1]
     if "cannot start any token" in what and char:
         if char == "\t":

@@ -1,4 +1,4 @@
-"""Small backends that need no simulator, and the contracts that they and the real ones keep.
+"""Small backends without a simulator, and the contracts for these and for real ones.
 
 Your own policy, detector, checker, navigator or robot passes the same checks as ours:
 

@@ -136,7 +136,7 @@ def _check_memory(make: Callable[[], Policy], shown: Mapping[str, Any], every: M
 
 
 def _chunk(policy: Policy, observation: Mapping[str, Any], every: Mapping[str, CameraImage]) -> Array:
-    """The next chunk of a policy that gets the pictures that it asks for, and finds nothing changed by it."""
+    """Get the next chunk with the requested pictures, and check that the policy did not change its input."""
     cameras = policy.cameras
     _require(isinstance(cameras, tuple), "cameras is a tuple")
     _require(set(cameras) <= set(CAMERAS), f"cameras are among {', '.join(CAMERAS)}, not {cameras}")

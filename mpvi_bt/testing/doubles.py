@@ -1,4 +1,4 @@
-"""Backends that need no simulator: a robot that moves as it is told in an empty world, and what drives it.
+"""Backends without a simulator: a robot in an empty world that follows every command, and its drivers.
 
 They are honest about what they are, and pass the contracts of `mpvi_bt.testing.contracts`.
 """

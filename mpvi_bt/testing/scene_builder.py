@@ -97,7 +97,7 @@ class SceneBuilder:
         return self
 
     def robot_at(self, x: float, y: float, yaw: float = 0.0, robot: str = "r1") -> Self:
-        """Where the robot stands [m, rad], and which; without this an r1 at the origin."""
+        """Place the robot [m, rad], and choose it; the default is an r1 at the origin."""
         self._base, self._robot = (x, y, yaw), robot_named(robot)
         return self
 

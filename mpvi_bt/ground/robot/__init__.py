@@ -1,1 +1,1 @@
-"""What a robot is, how it moves, and the robots that there are."""
+"""Robots: their protocol, models and motions."""

@@ -100,7 +100,7 @@ class Resampler:
         return steps
 
     def _twist(self, begin: Fraction, end: Fraction, step: Fraction, step_s: float) -> Array:
-        """(3,) the base's one velocity that brings it in a step to where those of the rows do."""
+        """(3,) the base's constant velocity in a step with the same end pose as the rows'."""
         parts = range(math.floor(begin), math.ceil(end))
         cuts = [begin, *map(Fraction, parts[1:]), end]
         seconds = [float((until - since) / step) * step_s for since, until in pairwise(cuts)]
@@ -114,7 +114,7 @@ class Resampler:
 
 
 def composed(twists: Array, seconds: Sequence[float], total_s: float) -> Array:
-    """(3,) the one velocity of the base that leads to where several in turn do; their mean, where it does not turn.
+    """(3,) the constant base velocity with the same end pose as several in turn; without turns, their mean.
 
     Exponential and logarithm of SE(2).
 

@@ -1,4 +1,4 @@
-"""Collision-free motion of one arm: RRT-Connect in joint space, or lines of the hand that never tip what it holds."""
+"""Collision-free motion of one arm: RRT-Connect in joint space, or straight lines that keep the payload level."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def plan(
 
 
 def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = None) -> list[Array] | None:
-    """A free path of arm `side` to a hand pose that never tips what it holds: straight lines of the hand.
+    """A free path of arm `side` to a hand pose along straight lines; the payload is never tipped.
 
     The direct line is tried first, then detours over a point above, before or beside the way.
 
@@ -178,7 +178,7 @@ def swing(
 
 
 def swings_clear(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], samples: int = 12) -> bool:
-    """Whether what `swing` has found keeps clear of what is around; what stands too near may stay so."""
+    """Whether the motion found by `swing` is free of collisions; it may not reduce a distance that is already small."""
     before = {s: min(_CORNERS_M if s in body.held else 0.0, body.distance(s, q)) - 1e-6 for s, q in body.arms.items()}
     for k, (_, now) in enumerate(_torsos(body, torso, samples), 1):
         moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in arms.items()}})

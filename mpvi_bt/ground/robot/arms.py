@@ -1,4 +1,4 @@
-"""Arms with seven joints whose inverse is known in closed form, up to one free angle that is sampled."""
+"""Arms of seven joints with a closed-form inverse; one free angle is sampled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Base velocities of rows that are slower than the control loop, carried out so that the base gets where they lead."""
+"""Carries out base velocities given at a lower rate than the control loop, with the same end pose."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class BaseRamp:
 
 
 def _one(velocities: Array) -> Array:
-    """(3,) the one velocity that leads where those of control steps do."""
+    """(3,) the constant velocity with the same end pose as those of several control steps."""
     steps = len(velocities)
     return composed(velocities, [1 / CONTROL_HZ] * steps, steps / CONTROL_HZ)
 

@@ -20,7 +20,7 @@ from mpvi_bt.ground.robot.protocol import Side, other
 
 
 class Obstacles(Protocol):
-    """What may be in the way: anything that tells how far a point is from it."""
+    """Things to avoid; gives the distance of points from them."""
 
     def seen_from(self, T: Array) -> Obstacles:
         """The same in another frame; `T` (4, 4) maps that frame into the present one."""
@@ -95,7 +95,7 @@ def carries(face: Solid, spot: Array, radius: float) -> bool:
 
 
 class Load:
-    """What a hand holds, in its tcp frame: exact for what might meet it, covered by spheres for what it might meet."""
+    """A payload in its hand's tcp frame. Others are tested against its exact solids; it is tested as spheres."""
 
     def __init__(self, solids: Sequence[Solid], volumes: Sequence[Solid] = ()) -> None:
         """Gather what is held; solids and container volumes in the tcp frame.
@@ -117,7 +117,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """The robot in one posture, and what it holds; says which postures of an arm are free.
+    """The robot in one posture, with its payloads; tells which arm postures are free.
 
     Attributes:
         robot: Which.

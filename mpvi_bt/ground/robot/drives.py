@@ -45,5 +45,5 @@ def in_base_frame(robot: RobotModel, velocity_world: Array, yaw: float) -> Array
 
 
 def steering(ahead: float, aside: float) -> float:
-    """The yaw rate [rad/s] by which a base that goes `ahead` [m/s] comes to go `aside` [m/s]."""
+    """The yaw rate [rad/s] that moves a base going `ahead` [m/s] sideways at `aside` [m/s]."""
     return _STEER * aside * float(np.clip(ahead / _CREEP_M_S, -1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Noticing from what a hand feels that it closed on nothing, or that what it held is gone."""
+"""Detects from proprioception an empty grasp and a lost payload."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class GripWatch:
 
 
 def _narrowest_m(felt: Proprioception, side: Side) -> float:
-    """The narrowest thing that keeps the fingers apart, told to be where they are told to be."""
+    """The gripper width [m] above which a payload keeps the fingers from their commanded place."""
     return (felt.gripper_command[side] + 1.0) * (felt.open_m / 2) + EMPTY_M
 
 

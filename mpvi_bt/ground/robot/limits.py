@@ -56,7 +56,7 @@ def within_reach_of(robot: RobotModel, last: Array, action: Array) -> Array:
 
 
 def commanded(robot: RobotModel, action: Array) -> Array:
-    """(23,) what a robot that is told `action` is commanded: the nearest within its limits.
+    """(23,) the action, clipped to the robot's limits.
 
     Raises:
         BackendError: The action is not 23 finite numbers.
@@ -70,7 +70,7 @@ def commanded(robot: RobotModel, action: Array) -> Array:
 
 
 def travel_action(robot: RobotModel) -> Array:
-    """(23,) the command of a robot that stands in the posture that it drives in, hands open."""
+    """(23,) the command for standing in the travel posture, hands open."""
     action = np.zeros(ACTION_SIZE)
     action[ActionLayout.TORSO] = robot.travel_torso
     for s in robot.sides:

@@ -200,7 +200,7 @@ class RobotModel:
         return self.trunk.joint_limits
 
     def postures(self, pitches: Iterable[float], tilt: float) -> Array:
-        """(n, 4) postures of the trunk that searches try: its lifts, at those pitches [rad] that it can take."""
+        """(n, 4) postures of the trunk for searches: all lifts, at each possible one of these pitches [rad]."""
         low, high = self.trunk.limits[2]
         able = [pitch for pitch in pitches if low <= pitch <= high]
         return np.array([(lift, 0.0, pitch, tilt) for lift in self.lifts for pitch in able])

@@ -317,7 +317,7 @@ class Motion:
         ]
 
     def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:
-        """The posture nearest to `near` that has the hand at a pose, from where the torso is."""
+        """The arm posture nearest to `near` for a hand pose, at the torso's present posture."""
         torso = self.felt.torso if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso
         q = self.robot.nearest_posture(matmul(kin.inverse(self.robot.chest(torso)), T_base_tcp), side, near)
         if q is None or np.abs(q - near).max() > _LEAP_RAD:
@@ -342,7 +342,7 @@ class Motion:
 
 
 class _Watch:
-    """Notices, from what is felt, that something holds arms or torso off the way they are told to go.
+    """Detects, from proprioception, that arms or torso are blocked on their path.
 
     What they give way to from the start, a load or a squeeze, is no hindrance. Nor is their lead: with the velocity
     fed forward they are half a step ahead of a moving target.

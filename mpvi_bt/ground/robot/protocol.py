@@ -1,4 +1,4 @@
-"""What a robot is to the rest of the system: what it feels, what it sees, and the one command it is given a step."""
+"""The robot's protocol: proprioception, cameras, and one command a step."""
 
 from __future__ import annotations
 

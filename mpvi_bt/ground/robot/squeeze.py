@@ -46,7 +46,7 @@ def _faces(T_base_tcp: Array, toward: Array) -> bool:
 
 
 def pressing(robot: RobotModel, torso: Array, arms: Mapping[Side, Array]) -> dict[Side, Array]:
-    """What arms in postures (7,) are told so that the fingertips press straight toward each other.
+    """Arm commands, from postures (7,), that press the fingertips straight toward each other.
 
     Hands that are told to be further in would give way aside, turn, and slip: an arm gives more in some directions than
     in others. So each joint is told to be as far on as its spring takes to bear its share of a force that acts midway

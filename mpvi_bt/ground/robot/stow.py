@@ -166,7 +166,7 @@ def _raise(motion: Motion, side: Side) -> Actions:
 
 
 def _bring_in(motion: Motion, side: Side) -> Actions:
-    """Bring a hand, with what it holds, level to before the body; it stays where it is if no way leads there."""
+    """Bring a hand, with its payload level, in front of the body; without a free path it stays."""
     body = motion.body()
     T = motion.hand(side)
     here = float(np.clip(T[2, 3], min(_LEVELS_M), max(_LEVELS_M)))
@@ -185,7 +185,7 @@ def _before(T_base_tcp: Array, side: Side, levels: Sequence[float]) -> Iterator[
 
 
 def _level(motion: Motion, held: Sequence[Side]) -> dict[Side, list[Array]]:
-    """Postures of the arms that keep what they hold level while the torso straightens up, where it is or closer by.
+    """Arm postures that keep payloads level while the torso straightens up, at the same place or closer.
 
     Raises:
         MotionFailure: "no_reach" if there are none.

@@ -1,4 +1,4 @@
-"""Trunks: from a robot's four torso joints to where its chest is, and to how high, turned and bent that is.
+"""Trunks: from a robot's four torso joints to the place, height, yaw and pitch of its chest.
 
 Planning thinks in postures, which mean the same for every robot; what is felt and commanded are joints.
 """
@@ -94,7 +94,7 @@ class LiftTrunk:
         return T
 
     def links(self, joints: Array) -> Array:
-        """One: what rides on the column, below what turns."""
+        """One link: the carriage on the column, below the turning part."""
         return kin.transform(np.eye(3), self.waist + [0.0, 0.0, float(joints[0])])[None]
 
 
@@ -134,7 +134,7 @@ class FoldingTrunk:
         return out
 
     def joints(self, posture: Array, near: Array | None = None) -> Array:
-        """Those whose chest is as far forward as that of `near`, if it can; a posture is brought within the limits."""
+        """Joints with the chest as far forward as at `near`, if possible; the posture is clipped to the limits."""
         forward = self.forward_m if near is None else float(self._place(np.asarray(near, float))[0])
         posture = np.clip(np.asarray(posture, float), *self.limits.T)
         yaw, pitch = posture[..., 1], posture[..., 2]

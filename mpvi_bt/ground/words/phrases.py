@@ -1,4 +1,4 @@
-"""What phrases name: the rule by which a query finds things by what a vocabulary calls them.
+"""Phrases for things: the rule that matches a query with the names in a vocabulary.
 
 A phrase is read as qualities, a noun and a place: "the red can of soda on the table" is red, a soda can, on the table.
 A query means the things that have a name of the same noun, and of these
@@ -57,7 +57,7 @@ class PhraseMeaning:
 
 
 class Vocabulary:
-    """What things are called, and which of them a query means."""
+    """Names of things, and the things that a query means."""
 
     def __init__(self, called: Mapping[str, Iterable[str]]) -> None:
         """Take the names: key of each thing to what people call it."""
@@ -97,7 +97,7 @@ class Vocabulary:
 
 @lru_cache(maxsize=10_000)
 def read(phrase: str) -> PhraseMeaning | None:
-    """What a phrase says, or None of one that is empty, longer than `MOST_CHARACTERS`, or without a noun."""
+    """The meaning of a phrase; None if it is empty, longer than `MOST_CHARACTERS`, or without a noun."""
     if len(phrase) > MOST_CHARACTERS:
         return None
     words = _without_lead([word for word in normalize(phrase).split() if word != "s"])  # of "the fridge's door"
@@ -108,7 +108,7 @@ def read(phrase: str) -> PhraseMeaning | None:
 
 
 def kinds(phrases: Iterable[str]) -> list[str]:
-    """What to look for to see all that some phrases mean: each kind of thing once, in few words.
+    """Search terms for a list of phrases: each kind of thing once, in few words.
 
     Where a thing is and what is in it, how many are meant, and whether it is empty or open, no picture of it alone
     tells: "the basket without a candle" and "another basket" are looked for as "basket", and are one thing where they
@@ -133,7 +133,7 @@ def kinds(phrases: Iterable[str]) -> list[str]:
 
 
 def asked(label: str, phrases: Sequence[str]) -> str | None:
-    """Which of `phrases` a detector means that labels what it found with a fragment of the text it was given.
+    """The phrase that a detector's label stands for, if the label is a fragment of the prompt.
 
     Such labels may lack words or have words of several phrases. Of the phrases whose head noun is in the label it is
     the one with the largest part of its words there, then with the most words there; none if there are several such.

@@ -24,7 +24,7 @@ class Mistakes:
 
     @classmethod
     def read(cls, address: str, where: str) -> Self:
-        """The sizes that an address such as `EXAMPLE` gives; what it does not name is off.
+        """Sizes from an address such as `EXAMPLE`; those not named are off.
 
         Args:
             address: Of a detector or a checker.

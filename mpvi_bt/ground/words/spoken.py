@@ -1,4 +1,4 @@
-"""What people call things whose names are BDDL's or a house's, such as "can of soda" for `can__of__soda.n.01_1`."""
+"""Everyday names for names of BDDL or of a house, such as "can of soda" for `can__of__soda.n.01_1`."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def judge(problem: BddlProblem, start: Snapshot, end: Snapshot) -> GoalReport:
 
 
 def unmet(problem: BddlProblem, truth: Truth) -> list[Fact]:
-    """Facts of :init that do not hold: what a sampler still has to mend.
+    """Facts of :init that do not hold yet; the sampler has to correct them.
 
     Left out: where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's
     own place, and how warm things are.
@@ -45,7 +45,7 @@ def unmet(problem: BddlProblem, truth: Truth) -> list[Fact]:
 
 
 def early(problem: BddlProblem, truth: Truth) -> list[Literal]:
-    """Literals that the goal wants true, that are true now, and that :init does not state: a start should have none."""
+    """Goal literals that are already true without being in :init; a start should have none."""
     stated = {fact.literal for fact in problem.init if fact.positive}
     return [
         literal

@@ -100,13 +100,13 @@ def _begin(form: Form) -> str:
 
 
 def _closed(top: Form) -> str:
-    """Where what came last was closed, which may have been too early."""
+    """The place of the last closing parenthesis, which may be too early."""
     last = top[-1] if top else None
     return f"; {_begin(last)} is closed on line {last.end[0]} already" if isinstance(last, Form) else ""
 
 
 def _open(form: Form) -> tuple[Form, Form] | None:
-    """The first form that holds another one which it cannot hold, and that one: there a parenthesis is missing."""
+    """The first form with an illegal form inside, and that form: a parenthesis is missing there."""
     head = form[0] if form and isinstance(form[0], Word) else None
     for part in form:
         if not isinstance(part, Form):

@@ -31,11 +31,11 @@ class Findings:
         self._note(Problem(self.file, *place, code, message, **more))
 
     def unknown(self, place: Place, kind: str, given: str, known: Iterable[str], whose: str = "") -> None:
-        """Note that there is nothing of that kind with the given name."""
+        """Note an unknown name of some kind."""
         self._note(Problem.unknown(self.file, place, kind, given, known, whose))
 
     def stop(self, place: Place, code: str, message: str) -> NoReturn:
-        """Note a problem after which no more can be found. Raises FileProblems: that one, and those before it."""
+        """Note a problem that ends the check. Raises FileProblems with all problems so far."""
         self.problem(place, code, message)
         raise FileProblems(self._errors())
 

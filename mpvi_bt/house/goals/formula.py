@@ -115,7 +115,7 @@ def holds(formula: Formula, truth: Truth) -> bool:
 
 
 def can_hold(formula: Formula, possible: Truth) -> bool:
-    """Whether the formula may be true in some world, where literals that are not `possible` are never true."""
+    """Whether the formula can be true in some world; literals that are not `possible` are never true."""
     return _may_be(formula, possible)[0]
 
 

@@ -139,7 +139,7 @@ class Grounding:
         return (over[0].lstrip("?") if isinstance(over, Form) and over and isinstance(over[0], Word) else ""), ""
 
     def _unlisted(self, synset: Word) -> None:
-        """Note a synset that no object is of: one that is misspelt, or a good one."""
+        """Note a synset without objects: a misspelled or a valid one."""
         if synset in (self.known.synsets or ()):
             listed = tuple(sorted(self.synsets))
             message = f"no object is {with_article(synset)}; :objects has {', '.join(listed)}"

@@ -96,7 +96,7 @@ class BddlProblem:
 
     @property
     def movables(self) -> tuple[str, ...]:
-        """Objects that an instance places: not fixtures, floors, the robot, substances, nor what does not exist yet."""
+        """Objects to be placed by an instance: not fixtures, floors, the robot, substances or future things."""
         others = {*self.rooms, *self.future, *self.substances}
         return tuple(o for o, s in self.objects.items() if s != AGENT and o not in others)
 
@@ -108,7 +108,7 @@ class BddlProblem:
 
     @property
     def bound(self) -> tuple[str, ...]:
-        """Objects that a task has to say the looks of: movables, and the substances that vessels are filled with."""
+        """Objects that need a catalogue entry from the task: movables, and substances in vessels."""
         return (*self.movables, *self.poured)
 
     @cached_property

@@ -65,7 +65,7 @@ def read_problem(text: str, findings: Findings, known: BddlVocabulary) -> Proble
 
 
 def _define(text: str, findings: Findings) -> Form:
-    """What stands in (define ...), which is all that there is."""
+    """The (define ...) form; nothing else may be in the file."""
     expressions = read_expressions(text, findings)
     define = next((e for e in expressions if isinstance(e, Form) and e[:1] == ["define"]), None)
     if define is None:
@@ -108,7 +108,7 @@ def _sections(define: Form, findings: Findings) -> dict[str, Form]:
 
 
 def _objects(section: Form, findings: Findings, known: BddlVocabulary) -> tuple[dict[Word, Word], dict[str, Word]]:
-    """Object to synset, and each synset that has a wildcard to that."""
+    """Objects with their synsets, and synsets with a wildcard."""
     objects: dict[Word, Word] = {}
     starred: dict[str, Word] = {}
     waiting: list[Word] = []
@@ -172,7 +172,7 @@ def _check_places(
     findings: Findings,
     known: BddlVocabulary,
 ) -> None:
-    """Of everything :init must say where it is. What a fact that is none names may be placed by it."""
+    """Note objects without a place in :init. Objects in unreadable facts are not noted."""
     said = [fact.literal for _, fact in facts if fact.positive]
     unread = {word for item, fact in facts if fact.literal == NO_LITERAL for word in _WORD.findall(written(item))}
     in_room = {literal.args[0] for literal in said if literal.predicate == "inroom"}

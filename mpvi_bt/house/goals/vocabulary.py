@@ -80,7 +80,7 @@ def abilities() -> frozenset[str]:
 
 
 def unknown_synset(given: str, known: Collection[str]) -> dict[str, Any]:
-    """What a problem says of a synset that is not among the known ones: the few that are near, of thousands."""
+    """The problem's fields for an unknown synset, with a few near ones of thousands."""
     words: dict[str, list[str]] = {}
     for synset in sorted(known):
         words.setdefault(_words(synset), []).append(synset)

@@ -1,4 +1,4 @@
-"""Instances of a task: a settled world in which :init holds, and nothing of the goal but what :init says."""
+"""Instances of a task: settled worlds with :init true, and no more of the goal than :init states."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def begin(
 
 
 def _with_room(robot: RobotModel, start: Start, house: House, world: SimWorld) -> Start:
-    """The start with a robot that is not round where it fits, the nearest to where it is; the same if that is nowhere.
+    """The start, with a base that is not round moved to the nearest free pose; unchanged if there is none.
 
     `world` is that of the start, with another robot.
     """
@@ -138,7 +138,7 @@ def settled(
 
 
 def come_to_rest(world: SimWorld, start: Start) -> list[str]:
-    """Open and turn on what is so in a start, let all settle, and tell the names of what has not within 4 s."""
+    """Open and switch on as the start says, let everything settle, and name the things still moving after 4 s."""
     for name, openings in start.openings.items():
         for body, fraction in openings.items():
             world.set_opening(name, body, fraction)
@@ -173,7 +173,7 @@ def faults(world: SimWorld, start: Start, house: House, problem: BddlProblem) ->
 
 
 def _out_of_reach(world: SimWorld, start: Start, house: House, problem: BddlProblem) -> Iterator[str]:
-    """Things that are too far from wherever the robot can drive to, past all that stands on floors.
+    """Things too far from every place that the robot can drive to, past obstacles on floors.
 
     What is on or in another movable thing has that carried, so that is what must be near.
     """

@@ -1,4 +1,4 @@
-"""Instances: where the objects and the robot of a task begin, drawn so that what :init says can hold."""
+"""Instances: start places of objects and robot, drawn so that :init can hold."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Start:
 
 
 def marks_of(problem: BddlProblem, names: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """What :init has covered, by names in the world, and with what."""
+    """Covered things of :init by their names in the world, each with its substance."""
     facts = (fact.literal.args for fact in _facts(problem, "covered") if fact.positive)
     return tuple((names.get(thing, thing), problem.objects[kind]) for thing, kind in facts)
 

@@ -1,4 +1,4 @@
-"""Starts that were drawn and checked before, in the user's cache, so that drawing them anew is saved.
+"""A cache of drawn and checked starts in the user's folder, to save time.
 
 A file's name tells all that its start depends on. What cannot be read, is cut short or does not fit is as good as not
 there; what cannot be written is not kept.

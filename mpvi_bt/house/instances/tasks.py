@@ -1,4 +1,4 @@
-"""Tasks, from YAML: what to do, where, and with which things."""
+"""Tasks, from YAML: goal, house, and things."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def _check_playable(task: Task, problem: BddlProblem, marks: SourceMarks) -> lis
 
 
 def _check_shapes(task: Task, problem: BddlProblem, house: House, fixtures: Mapping[str, str]) -> None:
-    """Raise UserError where the shapes of the things that there are, or that come of them, never let the goal be met.
+    """Raise UserError if the shapes of the task's present and future things make the goal impossible.
 
     Args:
         task: With its bindings.
@@ -186,7 +186,7 @@ def _check_heat(literal: Literal, task: Task, problem: BddlProblem) -> None:
 
 
 def _check_made(task: Task, problem: BddlProblem) -> None:
-    """Raise UserError where the goal wants a thing, or grains of a substance, that is not there and no rule makes."""
+    """Raise UserError if the goal needs a thing or substance that is neither present nor made by a rule."""
     catalogue = load_catalogue()
     bound = {name: catalogue.entries.get(task.bindings.get(problem.objects[name], "")) for name in problem.bound}
     there = {name: entry for name, entry in bound.items() if entry is not None}

@@ -150,7 +150,7 @@ def _standing(house: House) -> dict[str, Around]:
 
 
 def _anywhere(spots: Array, two_hands: bool) -> NDArray[np.bool_]:
-    """What is in or on a thing is as near as that."""
+    """Accept all places: things in or on another thing are as near as that thing."""
     return np.ones(len(spots), bool)
 
 

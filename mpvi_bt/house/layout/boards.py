@@ -80,7 +80,7 @@ class MovableForm:
 
     @property
     def faces(self) -> float | None:
-        """Where its x axis points, from the way someone looks who stands before it [rad]; None: anywhere."""
+        """Direction of its x axis, from the viewing direction of a person in front of it [rad]; None: any."""
         if self.entry.at_back or self.entry.description.jointed:
             return np.pi  # what has a lid or a screen looks at whoever stands there
         return 0.0 if self.two_hands else None
@@ -237,7 +237,7 @@ def heap(
 
 
 def balanced(shape: MovableForm, carrier: Put, around: Sequence[Around], rng: np.random.Generator) -> Put | None:
-    """A place on the middle of what is smaller, such as a keyboard's on a notebook; None if that is not free."""
+    """A place on the middle of a smaller thing, such as a keyboard's on a notebook; None if it is not free."""
     low, high = bounds(carrier.solids)
     yaw = float(np.arctan2(carrier.T[1, 0], carrier.T[0, 0]))
     for turn in rng.permutation(4):
@@ -297,7 +297,7 @@ class _Site:
         return np.asarray(matmul(spots, [np.cos(ahead), np.sin(ahead)]))
 
     def _clear(self, at: Array, middle: Array, rest: NDArray[np.intp], gap: float) -> NDArray[np.intp]:
-        """Those of the places, at which the points (n, p, 3) of a thing are, that are free and under the right sky."""
+        """The free places with the right sky; the thing's points there are `at` (n, p, 3)."""
         if self._board.sky != "any":
             covered = self._covered(at[rest], middle[rest])
             rest = rest[covered if self._board.sky == "covered" else ~covered]

@@ -1,4 +1,4 @@
-"""Where on floors and lawns things and the robot can begin, and how far everything is from where a robot can stand."""
+"""Start places on floors and lawns, and distances from places where a robot can stand."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Ground:
         self._occupied = self._map.occupied.copy()  # with what was drawn
 
     def _nearest_standing(self) -> tuple[Array, NDArray[np.intp]]:
-        """(H, W) how far [m] each cell is from the nearest in its room where a robot can stand, and (2, H, W) which.
+        """(H, W) the distance [m] to the nearest place to stand in the same room, and (2, H, W) its cell.
 
         A place beyond a wall may be nearer, but nobody reaches through the wall.
         """
@@ -85,7 +85,7 @@ class Ground:
         raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
 
     def _open(self, ground: str, radius: float) -> tuple[NDArray[np.bool_], float]:
-        """(H, W) bool: where all of a thing of a radius [m] lies on some ground, and the height [m] of that ground."""
+        """(H, W) bool: cells where a thing of a radius [m] lies wholly on some ground, and the ground's height [m]."""
         if not ground.startswith("floor_"):
             low, high = self._house.fixtures[ground].extent()
             return self._within(low + radius, high - radius), float(high[2])
@@ -111,7 +111,7 @@ class Ground:
         return np.where(inside, self._from_reachable_m[cells[:, 0], cells[:, 1]], np.inf)
 
     def ahead(self, xy: Array) -> Array:
-        """(n,) the way [rad] that a robot looks that stands as near as it can, in the same room, to places (n, 2)."""
+        """(n,) the heading [rad] toward places (n, 2) of a robot at the nearest place to stand in the same room."""
         cells = np.clip(self._cells(xy), 0, np.array(self._from_reachable_m.shape) - 1)
         nearest = self._standing[:, cells[:, 0], cells[:, 1]].T[:, ::-1]
         way = xy - (self._map.origin_m + (nearest + 0.5) * self._map.resolution_m)
@@ -122,7 +122,7 @@ class Ground:
         return np.floor((xy - self._map.origin_m) / self._map.resolution_m).astype(int)[:, ::-1]
 
     def keep_way_to(self, xy: Array) -> None:
-        """Have what is drawn from now on leave a way to a place (2,) where a thing lies that is not on the floor."""
+        """Keep a way free, in later draws, to a place (2,) of a thing off the floor."""
         self._reached.append(np.asarray(xy, float)[:2])
 
     def _leaves_a_way(self, xy: Array, radius: float) -> bool:
@@ -156,9 +156,7 @@ class Ground:
         return int(self._map.rooms[self._map.cell(xy)])
 
     def _parts(self, occupied: NDArray[np.bool_], room: NDArray[np.bool_], ends: list[Array]) -> tuple[set[int], Array]:
-        """The connected parts of a room that a robot can pass through and that are nearest to some cells, and how far
-        [m] from each cell.
-        """
+        """The passable parts of a room nearest to some cells, and the distance [m] of each cell."""
         wide = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m > PASSAGE_M
         parts, count = ndimage.label(wide & room)
         if not count:
@@ -174,7 +172,7 @@ class Ground:
 
 
 def standing_room(grid: OccupancyMap) -> NDArray[np.bool_]:
-    """(H, W) bool: where a robot can stand that can get there from nearly everywhere else."""
+    """(H, W) bool: cells where a robot can stand and reach nearly all others."""
     clearance = ndimage.distance_transform_edt(~grid.occupied) * grid.resolution_m
     passable, _ = ndimage.label(clearance > PASSAGE_M)
     return np.asarray(passable == np.bincount(passable[passable > 0]).argmax())

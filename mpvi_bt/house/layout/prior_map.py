@@ -1,4 +1,4 @@
-"""What is known of a house beforehand: a map with labeled rooms, and where its fixtures are.
+"""Prior knowledge of a house: a map with labeled rooms, and the places of its fixtures.
 
 Derived from the house's solids, not drawn by hand (Paper, Navigation appendix: a prior traversability map).
 """

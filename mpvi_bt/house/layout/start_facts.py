@@ -1,4 +1,4 @@
-"""What a problem's :init asks of a start in a house: which fixture each name is, and what lies where."""
+"""Requirements of a problem's :init for a house: the fixture of each name, and the places of things."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def scene_names(house: House, problem: BddlProblem) -> dict[str, str]:
 
 
 def _groups(problem: BddlProblem, names: Mapping[str, str]) -> Groups:
-    """(predicate, place) to the things that :init has there, in the order of the file, carriers before what they carry.
+    """The things at each (predicate, place) of :init, in the file's order, carriers before their loads.
 
     Floors come last among them: what lies there leaves a way to the rest.
 

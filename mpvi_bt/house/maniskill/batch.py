@@ -1,4 +1,4 @@
-"""All that moves in many houses at once, as tensors with a row an environment; and worlds of the core that follow rows.
+"""States of many houses as tensors, one row an environment; and worlds of the core that follow the rows.
 
 Physics on the GPU has no scene that the core could ask: a `Twin` of each house, on the CPU, stands as its row has it
 and is judged by the core's own rules.
@@ -98,10 +98,10 @@ class StateLayout:
 
 
 class Twin(SimWorld):
-    """A house of the core's, on the CPU, that stands as one of many does elsewhere, and whose physics only feel it."""
+    """A CPU copy of one house of the batch. Its physics only computes contacts."""
 
     def follow(self, layout: StateLayout, poses: Floats, joints: Floats, robot: Floats) -> None:
-        """Stand as told, and find what touches what: (m, 7), (k,) and (d,), a row of a `BatchState`."""
+        """Take the poses (m, 7), joints (k,) and robot (d,) of a `BatchState` row, and find contacts."""
         motions: dict[str, dict[str, list[float]]] = {}
         for name, pose in zip(layout.free, poses.tolist(), strict=True):
             motions[name] = {"pose": pose, "root_v": [0.0] * 6, "v": [0.0] * 6}

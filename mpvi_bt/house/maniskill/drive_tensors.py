@@ -1,4 +1,4 @@
-"""What the drives of many r1 at once are told, in torch: row by row what `sim.sim_robot.SimRobot` tells those of one.
+"""Drive commands of many r1 at once, in torch; each row equals those of one `sim.sim_robot.SimRobot`.
 
 One environment on the CPU is a batch of one, which a `SimWorld`'s robot shares.
 """
@@ -35,7 +35,7 @@ class Drives:
     """
 
     def __init__(self, n: int, device: torch.device) -> None:
-        """`n` robots that are told to stay in the posture that they drive in."""
+        """`n` robots, commanded to stay in the travel posture."""
         self.command = torch.tensor(travel_action(R1), device=device).repeat(n, 1)
         self.base_velocity = torch.zeros((n, 3), dtype=torch.float64, device=device)
         self.robot: Articulation | None = None

@@ -150,7 +150,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
     @property
     def spec(self) -> EnvSpec | None:
-        """As of any environment; its id names this module, so that it can be made where nobody has imported it.
+        """The environment's spec; its id names this module, so nobody has to import it first.
 
         ManiSkill's replay tool makes the one whose id a recording has. (Since 1.0 Gymnasium loads no entry points.)
         """
@@ -361,7 +361,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             self.world.stepped()
 
     def _follow(self) -> None:
-        """Have worlds stand as their environments do, where anything has moved that goals or switches may ask of."""
+        """Update the worlds of environments with motion that goals or switches depend on."""
         now = self._batch.read()
         pressed = any(literal.predicate == "toggled_on" for literal in self._before[0])  # by a robot, if nothing moves
         moved = (now.moved_since(self._followed) | pressed).nonzero().flatten()
@@ -424,7 +424,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     # --- its state
 
     def get_state_dict(self) -> dict[str, Any]:
-        """Poses and speeds of all that can move; the commands of the robot, and which switches are on."""
+        """Poses and speeds of all movable things, robot commands and switch states."""
         state: dict[str, Any] = super().get_state_dict()
         on = [list(world.switched.values()) for world in self.worlds]
         state["switches"] = torch.tensor(on, dtype=torch.float32, device=self.device)
@@ -470,7 +470,7 @@ def begin_in_maniskill(
 
 
 def _drawing() -> str:
-    """What draws where something does."""
+    """The rendering device."""
     return "gpu" if torch.cuda.is_available() else "cpu"
 
 

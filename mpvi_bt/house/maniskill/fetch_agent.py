@@ -37,7 +37,7 @@ class _Agent(Fetch):  # type: ignore[misc]  # mani_skill is untyped
 
 
 class ShippedFetch(SimRobot):
-    """What our world feels of an agent whose drives ManiSkill's controllers command.
+    """Our world's view of an agent driven by ManiSkill's controllers.
 
     It stands where our robots begin, the arm folded as our own Fetch has it.
     """
@@ -98,7 +98,7 @@ def load(scene: Any, control_freq: int, control_mode: str | None) -> BaseAgent:
 
 
 def let_roll(things: Iterable[Thing]) -> None:
-    """Have base and wheels, which reach a little into the ground, pass through what is no higher than a lawn."""
+    """Let base and wheels, which reach slightly into the ground, pass through things as low as a lawn."""
     for thing in things:
         solids = thing.solids()
         if thing.movable or not solids or bounds(solids)[1, 2] > GROUND_M:

@@ -1,4 +1,4 @@
-"""What ManiSkill is told of what our builder made in its scenes: views of things, cameras' shaders, physics."""
+"""ManiSkill's views of scenes from our builder: things, camera shaders, physics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The catalogue: what the things are that houses are furnished with and tasks are about."""
+"""The catalogue: entries for the things of houses and tasks."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def check_catalogue(data: Any, marks: SourceMarks) -> Catalogue:
 
 
 def _said_where(problem: Problem, data: Any, marks: SourceMarks) -> Problem:
-    """Of an entry's key that is a parameter of shapes, and so unknown where it stands: where it belongs."""
+    """The problem of a misplaced shape parameter, with its right place."""
     if problem.code != "unknown-key" or problem.pointer.count("/") != 3:
         return problem
     _, _, name, key = problem.pointer.split("/")
@@ -206,7 +206,7 @@ def _said_where(problem: Problem, data: Any, marks: SourceMarks) -> Problem:
 
 
 def _tool_problems(entry: CatalogueEntry, place: Location, marks: SourceMarks) -> Iterator[Problem]:
-    """A sprayer that nobody can turn on, a mount that faces the way that it says is up."""
+    """Problems of tools: a sprayer without a switch, a mount that faces along its own up axis."""
     for i, mount in enumerate(entry.mounts):
         if mount.facing.strip("-") == mount.up.strip("-"):
             message = f"it cannot face along {mount.facing} and have {mount.up} up"
@@ -216,7 +216,7 @@ def _tool_problems(entry: CatalogueEntry, place: Location, marks: SourceMarks) -
 
 
 def _source_problems(entry: CatalogueEntry, source: Source, place: Location, marks: SourceMarks) -> Iterator[Problem]:
-    """What a source asks for that its thing does not have."""
+    """Parts required by a source that its thing lacks."""
     bodies = entry.description.bodies
     wanted = {
         "switched": (source.switched, any(body.switches for body in bodies), "a switch"),
@@ -237,7 +237,7 @@ def _placed(shape: Mapping[str, Any], marks: SourceMarks) -> dict[str, Any]:
 
 
 def lint_catalogue(data: Any, marks: SourceMarks) -> list[Problem]:
-    """Of a file without errors: synsets that BEHAVIOR does not have, and entries that another file has too."""
+    """Warnings for a file without errors: synsets unknown to BEHAVIOR, entries also in another file."""
     known = behavior().synsets or ()
     found = [
         marks.problem(("entries", name, "synset"), severity="warning", **unknown_synset(given["synset"], known))
@@ -248,7 +248,7 @@ def lint_catalogue(data: Any, marks: SourceMarks) -> list[Problem]:
 
 
 def _namesakes(entries: Iterable[str], marks: SourceMarks) -> Iterator[Problem]:
-    """Entries of a file of the catalogue that are in another one, too: that counts which comes first."""
+    """Warnings for entries also in another file of the catalogue; the first file counts."""
     files, own = paths.files(FOLDER), Path(marks.file).resolve()
     at = next((i for i, file in enumerate(files) if file.resolve() == own), None)
     for i, file in enumerate(files if at is not None else ()):
@@ -272,7 +272,7 @@ def _namesakes(entries: Iterable[str], marks: SourceMarks) -> Iterator[Problem]:
 
 
 def shape_problems(marks: SourceMarks, place: Location, family: str, shape: Mapping[str, Any]) -> list[Problem]:
-    """What is wrong with the parameters of a family that stand at `place` of a file."""
+    """Problems of a family's parameters at `place` of a file."""
     try:
         validate_data(dict(shape), marks, parameters(family), place)
     except FileProblems as found:

@@ -62,7 +62,7 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """A bar that a hand can close around: geometry only, for planners that may read it.
+    """A bar for a hand to close around. Geometry only; planners may read it.
 
     Attributes:
         center: (3,) middle of the bar, in the body frame [m].
@@ -178,7 +178,7 @@ class Description:
         return len(self.bodies) > 1
 
     def solids(self, T: Array | None = None, openings: Mapping[str, float] | None = None) -> Iterator[Solid]:
-        """What collides, in the frame that `T` (4, 4, root body to frame) maps into.
+        """Colliding solids, in the frame after `T` (4, 4, root body to frame).
 
         Args:
             T: None: the root body's own frame.

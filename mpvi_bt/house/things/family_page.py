@@ -106,7 +106,7 @@ def family_page(catalogue: Catalogue, folder: str) -> str:
 
 
 def _parameter(hint: Any, default: Any) -> str:
-    """What a parameter is, and what holds where it is not said."""
+    """A parameter's type, and its default if it has one."""
     what = _worded(hint)
     return what if default is inspect.Parameter.empty else f"{what} = {_written(default, what)}"
 

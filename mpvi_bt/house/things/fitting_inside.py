@@ -101,7 +101,7 @@ def _faces_of(volume: Solid, blocks: list[Array]) -> Iterator[tuple[float, float
 
 
 def _width(free: NDArray[np.intp], half: float) -> float:
-    """From the first to the last cell that is free, and half a cell more on each side, into which it may reach [m]."""
+    """The free width [m], from the first to the last free cell and half a cell more on each side."""
     return min(float(free[-1] - free[0] + 2) / _CELLS, 1.0) * 2 * half
 
 

@@ -317,7 +317,7 @@ def slab(*, size_m: Size, color: Rgb) -> Description:
 
 
 def nail(*, length_m: Length, diameter_m: Length, color: Rgb = _DARK) -> Description:
-    """A peg that stands out of a wall; its origin is where it leaves the wall."""
+    """A peg out of a wall, with its origin at the wall's surface."""
     parts = PartsOfBody()
     parts.cylinder((length_m / 2, 0, 0), diameter_m, length_m, color, axis="x")
     parts.cylinder((length_m, 0, 0), diameter_m * 2, 0.004, color, axis="x", collides=False)

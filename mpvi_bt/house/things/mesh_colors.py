@@ -101,7 +101,7 @@ def _picture(content: bytes, path: Path, remarks: list[str]) -> Image | None:
 
 
 def named_picture(name: str, path: Path | None, file: Path, remarks: list[str]) -> Image | None:
-    """The texture that a URDF names; None: it cannot be read, which a remark says.
+    """The texture named by a URDF; None, with a remark, if it cannot be read.
 
     Args:
         name: As the file names it.

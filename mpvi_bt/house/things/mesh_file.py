@@ -1,4 +1,4 @@
-"""Meshes of things as files of ours: what cameras see of each body, and the convex parts that it collides by.
+"""Mesh files of things: visual mesh of each body, and its convex collision parts.
 
 The format is OBJ, which any viewer opens: of each body one object "BODY/skin", its triangles after `usemtl RRGGBB`,
 and one "BODY/hull" for each convex part, of which only the vertices count. All of it in the frame of the thing [m].

@@ -1,4 +1,4 @@
-"""Things of a URDF: one body that stands, and others that turn or shift against it."""
+"""Things from a URDF: one fixed body, with others that turn or slide on it."""
 
 from __future__ import annotations
 

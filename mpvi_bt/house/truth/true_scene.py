@@ -40,7 +40,7 @@ class Truth(WorldState, Protocol):
     """Simulator truth; `Scene` says what its answers mean."""
 
     def knowledge(self) -> KnowledgeBase:
-        """Where everything is now, what is carried or put away told apart."""
+        """Present places of all things; held and stored ones are marked."""
         ...
 
     def pose(self, name: str) -> Array:

@@ -1,4 +1,4 @@
-"""The backends that a run can choose, by kind and name. Light, so that the command line can list them at once.
+"""The backends of a run, by kind and name. Loads no backend, so the command line can list them at once.
 
 A backend is chosen as `name`, as `name:address` where it has an address, or as a name or import path of another package
 (`runs/choices/plugins.py`). `choose` reads that once; the `Choice` it gives is what is asked and made from then on.
@@ -195,7 +195,7 @@ class Choice:
         return factory(**{p.name: offered[p.name] for p in asked_for(factory)})
 
     def check(self) -> None:
-        """Raise UserError if it is of another package, and that has no such thing, or one that breaks the contract."""
+        """Check a backend of another package. Raises UserError if it is missing or breaks the contract."""
         if self.part is not None:
             self.part.load()
         for one in self.both or ():

@@ -1,4 +1,4 @@
-"""Makes the checker that a run chooses, and the triggers that have it asked. Each is imported only when it is made."""
+"""Makes the completion checker of a run and its triggers. Each is imported only when it is made."""
 
 from __future__ import annotations
 

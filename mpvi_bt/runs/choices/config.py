@@ -1,4 +1,4 @@
-"""What one episode is: light, so that it travels to worker processes and the command line loads it at once.
+"""Settings of one episode. Light: worker processes receive it, and the command line loads it at once.
 
 This is the one home of a setting: its name, type, default, bounds and help. Methods, saved episodes, the keywords of
 `mpvi_bt.run` and the options of commands are made of the fields here, by `settings.py` and
@@ -92,7 +92,7 @@ class PlanSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PerceptionSettings:
-    """What the robot knows of the house, and who finds things in it."""
+    """The map known at the start, and the backends that find things and drive."""
 
     map: str = setting("prior", "What is known of the house at first.", "NAME")
     detector: str = setting("segmentation", "Who finds things.", "NAME")
@@ -164,7 +164,7 @@ class DisturbanceSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldSettings:
-    """Which robot it is, and in which world."""
+    """Robot, simulator, and how grasps hold."""
 
     robot: Literal["r1", "r1pro", "fetch"] = setting(
         "r1", "Which robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch one."
@@ -177,7 +177,7 @@ class WorldSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TreeSettings:
-    """What is run instead of the task's own plan.
+    """The tree or plan to run instead of the task's own plan.
 
     Attributes:
         arguments: Names and values of the tree's parameters.
@@ -205,7 +205,7 @@ class SuiteBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class LanguageSettings:
-    """Where answers of language models are kept, and what they may cost: what matters is what they answer.
+    """Storage and budget of the language models' answers. Only the answers affect the result.
 
     Attributes:
         suite_budget: How much the episode's suite may ask, or None.
@@ -220,7 +220,7 @@ class LanguageSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSettings:
-    """Where what is watched goes.
+    """Output files of the episode: films, pictures, logs, traces.
 
     Attributes:
         trace: File of what happens tick by tick.
@@ -295,7 +295,7 @@ class EpisodeConfig(  # dataclasses take fields from the last base on
         )
 
     def record(self) -> dict[str, Any]:
-        """What a result says of it: everything that can change the outcome, so not where pictures go."""
+        """Settings to write into the result: all that can change the outcome. Output paths are left out."""
         entries = {
             each.name: getattr(self, each.name)
             for each in fields(self)

@@ -26,8 +26,9 @@ def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> GuardedD
 
 
 def segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
-    """By the labels of pictures. With the detector "oracle", where things are comes from the simulator; what a policy
-    looks at is what this shows.
+    """Detects things by the labels of rendered pictures.
+
+    With the detector "oracle", places come from the simulator; policies then use this one for their own pictures.
     """
     from mpvi_bt.finding.perception.segmentation import DetectionErrors, SegmentationDetector
 

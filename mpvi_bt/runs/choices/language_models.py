@@ -89,7 +89,7 @@ def check_language_choice(config: EpisodeConfig) -> None:
 
 
 def language_doubts(configs: Iterable[EpisodeConfig]) -> list[str]:
-    """A line for each endpoint that is asked so that others can listen. Raises as `find_endpoint`."""
+    """A warning for each endpoint whose traffic others can read. Raises as `find_endpoint`."""
     asked = (choose(kind, config.backends[kind]) for config in configs if not config.offline for kind in KINDS)
     addresses = dict.fromkeys(choice.address for choice in asked if choice.name == "openai")
     endpoints = [find_endpoint(split_address(address)[1]) for address in addresses]

@@ -32,7 +32,7 @@ class Method(settings_record(METHOD, required=_REQUIRED)):  # type: ignore[misc]
 
 
 def load_method(name: str) -> Mapping[str, Any]:
-    """The fields of `EpisodeConfig` that a method sets: its name as "method", and what its file says.
+    """A method's fields of `EpisodeConfig`: its name as "method", and the settings of its file.
 
     Args:
         name: Of a method, or the file of one.

@@ -68,7 +68,7 @@ def explorer(
     map_: str = "prior",
     seed: int = 0,
 ) -> ExploringNavigator:
-    """For detectors that look: what is movable has to be found first.
+    """The navigator for camera-based detectors: movable things must be found first.
 
     Args:
         world: The robot's, and its clock.

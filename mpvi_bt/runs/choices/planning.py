@@ -1,4 +1,4 @@
-"""Makes the planner that a run chooses, and gathers what it is told of the place and the robot."""
+"""Makes the planner of a run, and gathers its context: place, things and robot."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def make_planner(
 
 
 def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> PlanningContext:
-    """What a plan can name in a house, and with the things of a task: what the knowledge base and detectors know.
+    """Names that a plan may use in a house, and for the things of a task.
 
     Args:
         house: Name or file.

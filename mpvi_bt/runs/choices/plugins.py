@@ -70,7 +70,7 @@ class PluginPart:
         return f"{self.kind} {self.given}"
 
     def _arguments(self, make: Callable[..., Any], offered: Mapping[str, Any]) -> dict[str, Any]:
-        """Those of what is offered that are asked for. Raises UserError if there are others that must be given."""
+        """The offered arguments that `make` takes. Raises UserError if it requires others."""
         named = asked_for(make)
         if lacking := [p.name for p in named if p.default is p.empty and p.name not in offered]:
             given = ", ".join(OFFERED[self.kind])
@@ -91,7 +91,7 @@ class PluginPart:
 
 
 def asked_for(make: Callable[..., Any]) -> list[inspect.Parameter]:
-    """The parameters by which a class or function names what it is made of; none of one that does not tell."""
+    """Named parameters of a class or function; [] if it has no signature."""
     try:
         wanted = inspect.signature(make).parameters.values()
     except ValueError:

@@ -106,7 +106,7 @@ def for_clients(
     rate_hz: float | None = None,
     kind: ActionKind | None = None,
 ) -> Callable[[Vocabulary], Policy]:
-    """What makes a server's policies, one for each client: of skills, of what a client calls its labels, of no world.
+    """A factory of policies for a server: one for each client, made from its vocabulary, without a world.
 
     They know demonstrations: a client with the method e2e tells whole instructions, one with a tree prompts.
 
@@ -152,7 +152,7 @@ def paced(policy: Policy, config: EpisodeConfig) -> PacedPolicy:
 
 
 def _told_rate(policy: Policy, given: float | None) -> tuple[float | None, str]:
-    """The rate that an option or a policy's dataset says, and who does; None if neither. Raises UserError."""
+    """The policy's rate, from the option or its dataset (None: neither), and the source's name. Raises UserError."""
     from mpvi_bt.executive.remote.dataset_rate import dataset_rate
 
     dataset = getattr(policy, "dataset", None)
@@ -248,7 +248,7 @@ def check_policy_choice(config: EpisodeConfig) -> None:
 
 
 def check_pace(choice: Choice, rate_hz: float | None, kind: ActionKind | None) -> None:
-    """Raise UserError where a rate or a kind is none, or is told of a policy that has its own."""
+    """Raise UserError if a rate or an action kind is invalid, or if the policy sets its own."""
     if rate_hz is not None:
         try:
             check_rate(rate_hz)
@@ -306,7 +306,7 @@ def _with_backup(
 
 
 def _demonstrated(policy: ScriptedPolicy | WithBackup, ground: PolicyInputs) -> Policy:
-    """What scripted policies make of whole instructions, where they are told these."""
+    """The policy, able to follow whole instructions if demonstrations are given."""
     from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
 
     return policy if ground.demonstrations is None else DemonstratedPolicy(policy, ground.demonstrations)

@@ -23,7 +23,7 @@ def hints() -> Mapping[str, Any]:
 
 
 def check_value(name: str, value: Any) -> None:
-    """Raise UserError if a setting cannot have a value of its type, UnknownName if that is a name that nothing has."""
+    """Raise UserError if a setting cannot have this value, UnknownName if the value names nothing known."""
     known = SETTINGS[name]
     if name in BACKENDS:
         choose(name, value)

@@ -1,4 +1,4 @@
-"""Simulators other than the core's own, which an episode may be run in: extras that load where they are chosen."""
+"""Optional simulators besides our own. Each is loaded when it is chosen."""
 
 from __future__ import annotations
 

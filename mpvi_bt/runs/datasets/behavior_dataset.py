@@ -59,7 +59,7 @@ class BehaviorContent:
         return {key: vector(size, None) for key, size in sizes.items()}
 
     def check(self, episode: Demonstrated) -> None:
-        """Raise UserError if the robot, the rate, or what was recorded is not what BEHAVIOR's numbers are of."""
+        """Raise UserError if robot, rate or recorded data do not fit BEHAVIOR's layout."""
         where, about = episode.folder, episode.about
         if (robot := about.config.robot) != "r1pro":
             raise UserError(
@@ -76,7 +76,7 @@ class BehaviorContent:
             raise UserError(f"{where}: no pictures of {', '.join(sorted(missing))}; BEHAVIOR has head, left and right")
 
     def columns(self, episode: Demonstrated) -> dict[str, NDArray[Any]]:
-        """As an R1Pro there would tell them; where the robot was first is where it was loaded."""
+        """The episode's data as an R1Pro of BEHAVIOR reports it; the first base pose is the origin."""
         frames = {key: array.astype(float) for key, array in episode.frames.items() if array.dtype.kind == "f"}
         state, pose, velocity = (frames[key] for key in ("state", "base_pose", "arm_velocity"))
         robot, steps = episode.about.config.robot, range(episode.about.frames)
@@ -166,7 +166,7 @@ def distances(table: Table) -> dict[str, float]:
 
 
 def runs_of(episode: Demonstrated) -> Iterator[tuple[str, int, int]]:
-    """What the robot was at, in turn: the subtask, or the instruction where there was none; its first row, its end."""
+    """Subtasks in order, each with its first row and its end. Between subtasks, the instruction stands in."""
     at = episode.frames["subtask"]
     bounds = [0, *(np.flatnonzero(np.diff(at)) + 1).tolist(), len(at)]
     names = prompts(episode)

@@ -1,4 +1,4 @@
-"""Where a dataset's files lie, how its episodes and tasks are numbered, and what is told of them.
+"""File layout of a dataset: paths, numbers of episodes and tasks, metadata.
 
 LeRobot's v3.0 (lerobot 0.4 and newer) and its v2.1 (lerobot up to 0.3, openpi). Each episode has files of its own,
 which both allow, so that no video is encoded twice.
@@ -68,7 +68,7 @@ class Layout(ABC):
         self.numbers: Sequence[int] = range(len(episodes))
 
     def tasks_of(self, episode: Demonstrated) -> list[str]:
-        """What its rows are told to do, by the number of the subtask that the robot is at."""
+        """The task text of each subtask number."""
         return prompts(episode) if self._by_subtask else [episode.about.instruction] * len(episode.about.subtasks)
 
     def columns(self, episode: Demonstrated, number: int, begin: int) -> dict[str, NDArray[Any]]:
@@ -201,5 +201,5 @@ class V21(Layout):
 
 
 def prompts(episode: Demonstrated) -> list[str]:
-    """What the robot is told at each of its subtasks; the instruction, where it is at none."""
+    """The prompt of each subtask; the instruction for rows without a subtask."""
     return [name or episode.about.instruction for name in episode.about.subtasks]

@@ -1,1 +1,1 @@
-"""What a real robot's parts do to a run and a simulated run lacks: answers that come late, policies that fail."""
+"""Disturbances of real robots that a simulation lacks: late answers and failing policies."""

@@ -56,7 +56,7 @@ class Latency:
 
 
 def in_steps(seconds: float) -> int:
-    """Control steps that pass until an answer is there: a step that has begun is waited for."""
+    """Control steps until an answer arrives; a step already begun is waited for."""
     return math.ceil(seconds * CONTROL_HZ - _SLACK)
 
 

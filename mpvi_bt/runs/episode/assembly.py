@@ -147,7 +147,7 @@ def _replanning(
     world: SimWorld | RemoteWorld,
     navigator: KnownPlaceNavigator,
 ) -> Replanner:
-    """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
+    """Makes the replanner. It plans from the robot's own knowledge, and new things in its plans are searched for."""
     assert prepared.planner is not None
     replanning = partial(
         Replanner,

@@ -1,4 +1,4 @@
-"""Checks that policy and robot can do what is asked: skills of scripted policies, and hands of the robot."""
+"""Checks that the policy has the skills, and the robot the hands, for a task."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def lint_skill(data: Any, marks: SourceMarks) -> list[Problem]:
 
 
 def _unlike(data: Any, like: str, marks: SourceMarks) -> Iterator[Problem]:
-    """What keeps a skill from being done as another one is: that has no motion, or no such words to fill in."""
+    """Problems of a skill that is done like another: no such motion, or other slots in its phrases."""
     if like not in shipped_skills():
         yield marks.unknown(("like",), "skill", like, shipped_skills())
     elif (known := load_skills().get(like)) is not None:

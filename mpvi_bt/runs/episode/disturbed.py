@@ -27,7 +27,7 @@ def lateness_of(policy: Policy) -> Lateness | None:
 
 
 def actions_of(policy: Policy) -> ActionPace | None:
-    """How a policy's rows were carried out; None where it has said that they are absolute and one a control step."""
+    """How a policy's rows were carried out; None for absolute rows at the control rate, declared by the policy."""
     paced = _layer(policy, PacedPolicy)
     pace = None if paced is None else paced.pace
     if pace is None or (pace.said_by and pace.rate_hz == CONTROL_HZ and pace.kind == "absolute"):

@@ -57,7 +57,7 @@ class Measurement:
         return self.steps / CONTROL_HZ
 
     def after(self, earlier: Measurement) -> Measurement:
-        """This one, of an episode that goes on where `earlier` was taken."""
+        """The sum of this measurement and an earlier one of the same episode."""
         return Measurement(
             steps=self.steps,  # the world's clock has gone on
             base_m=earlier.base_m + self.base_m,
@@ -123,7 +123,7 @@ class Meter(Watcher):
 
 
 def ratio(human: float, robot: float) -> float | None:
-    """Human / robot; None where the robot's is 0 (the evaluator writes inf, which is no JSON)."""
+    """Human / robot; None if the robot's figure is 0 (the evaluator writes inf, not valid JSON)."""
     return human / robot if robot > 0.0 else None
 
 

@@ -1,4 +1,4 @@
-"""What an episode is about to run, with everything refused that can be refused before a simulator loads."""
+"""Prepares an episode: everything that can be refused is refused before a simulator loads."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def calibration_of(config: EpisodeConfig) -> Calibration | None:
 
 
 def check_watched(config: EpisodeConfig, prepared: Collection[Prepared]) -> None:
-    """Refuse thresholds of none of the skills that monitors of what was prepared watch. Raises UserError."""
+    """Raise UserError if the calibration file has thresholds for none of the monitored skills."""
     if (known := calibration_of(config)) is None:
         return
     watches = [placed.spec.parameters for ready in prepared for placed in ready.spec.nodes]
@@ -157,7 +157,7 @@ def check_watched(config: EpisodeConfig, prepared: Collection[Prepared]) -> None
 
 
 def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange | None:
-    """What makes the node of each unit of manipulation: the tree that `config.unit` names; None if it names none.
+    """A function that makes the node of each unit of manipulation, from the tree `config.unit`; None without one.
 
     Raises:
         UserError: There is no such tree, or it has parameters besides `UNIT_PARAMETERS` without a value.
@@ -181,7 +181,7 @@ def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange |
 
 
 def named(given: TreeSpec | Plan) -> str:
-    """What stands for a tree or a plan that no file holds, where its name or file is told."""
+    """The displayed name of a tree or plan without a file."""
     return f"<{given.name if isinstance(given, TreeSpec) else given.task_name}>"
 
 
@@ -227,7 +227,7 @@ def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], sid
 
 
 def doubts(config: EpisodeConfig, prepared: Prepared, dry: bool = False) -> list[str]:
-    """What a person should know of a run that can begin, a line each."""
+    """Warnings about a run that can begin, one a line."""
     of_plan = prepared.planned.doubts if prepared.planned else ()
     said = [prepared.doubt, *(f"{p.pointer}: {p.message} [{p.code}]" for p in of_plan)]
     if not dry:
@@ -273,7 +273,7 @@ def prepare_episode(
 
 
 def check_episode(config: EpisodeConfig) -> Prepared | None:
-    """Refuse what `prepare_episode` would, as far as that can be told before a language model is asked for a plan.
+    """Refuse as `prepare_episode`, as far as possible before a language model is asked for a plan.
 
     Returns:
         What it makes; None where a language model is to be asked first.
@@ -306,7 +306,7 @@ def _replanner(
     skills: Mapping[str, Skill],
     given: TreeSpec | Plan | None = None,
 ) -> Planner | None:
-    """Who makes new plans where the tree wants them; None where it does not, or where there is no plan to go by."""
+    """The planner for new plans; None if the tree never replans or has no plan to start from."""
     if not any(_wants_a_plan(placed) for placed in spec.nodes):
         return None
     if choose("planner", config.planner).name not in ("recorded", NOBODY):
@@ -336,7 +336,7 @@ def _wants_a_plan(placed: Placed) -> bool:
 
 
 def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
-    """What goes on from where it was stopped: the task and the rules of its settings, and the very tree.
+    """Prepares the rest of a saved episode: task and rules from its settings, and the saved tree.
 
     Args:
         saved: How it stood.

@@ -1,4 +1,4 @@
-"""What the completion checker was asked in an episode, counted: how often, how rightly, at what cost."""
+"""Statistics of an episode's questions to the completion checker: number, errors, cost."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ class Grasps(Record):
 
 
 class Planning(Record):
-    """What the plan took, where a language model made it.
+    """Cost of making the plan with a language model.
 
     Attributes:
         answers: How often the model was asked: once, and again for every repair.
@@ -138,7 +138,7 @@ class Planning(Record):
 
     @classmethod
     def of(cls, planned: Planned | None) -> Planning | None:
-        """What a plan took; None where no model was asked."""
+        """The cost of a plan; None if no model was asked."""
         if planned is None or not planned.answers:
             return None
         answers = planned.answers
@@ -152,7 +152,7 @@ class Planning(Record):
 
 
 class PolicyShare(Record):
-    """What one of two policies did of an episode: prompts that it was given, and actions."""
+    """Prompts and control steps of one of two policies in an episode."""
 
     prompts: Count
     steps: Count
@@ -296,7 +296,7 @@ class Result(Record):
 
     @property
     def told(self) -> str:
-        """What became of the plan, or of the tree that was given in its place; the goal is another fact."""
+        """How the plan (or the given tree) ended. The goal is reported separately."""
         return ended(self.ended, self.gave_up, not self.config.get("tree"), self.time.simulator_time)
 
 

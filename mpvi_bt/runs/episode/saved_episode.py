@@ -1,4 +1,4 @@
-"""An episode that was stopped between two ticks, as a file, from which `mpvi run --resume` goes on."""
+"""A file with an episode stopped between two ticks. `mpvi run --resume` continues it."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ class SavedEpisode(Record):
 
     @property
     def episode(self) -> EpisodeConfig:
-        """What is run; files that it names are found from here too."""
+        """Settings of the saved episode; its files are found from the present folder too."""
         files = {name: self._found(getattr(self.config, name)) for name in _FILES}
         arguments = tuple(self.config.arguments.items())
         return EpisodeConfig(**{**self.config.model_dump(), **files, "arguments": arguments})
 
     def _found(self, given: str | None) -> str | None:
-        """A file of the folder in which it was begun, if that is another one than this and has it."""
+        """A path in the folder of the first run, if that is another folder and has the file."""
         there = Path(self.folder, given or "")
         return str(there) if given and Path(self.folder) != Path.cwd() and there.is_file() else given
 

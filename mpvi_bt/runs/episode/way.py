@@ -1,4 +1,4 @@
-"""The way of the robot and of what it moved, thinned so that every result can hold it."""
+"""Paths of the robot and of moved things, with fewer points, so that every result can hold them."""
 
 from __future__ import annotations
 

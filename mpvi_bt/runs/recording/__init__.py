@@ -1,1 +1,1 @@
-"""Subscribers of the loop that keep what they see: traces, films, pictures, demonstrations."""
+"""Subscribers of the loop that record it: traces, films, pictures, demonstrations."""

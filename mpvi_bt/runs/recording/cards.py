@@ -1,4 +1,4 @@
-"""The cards that a film begins and ends with: what the robot was told and plans; what of the goal holds, and q."""
+"""First and last picture of a film: instruction and plan; goal conditions and q."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MAP_COLORS: tuple[tuple[str, Color], ...] = (
 
 
 def opening(title: str, about: str, tree: TreeSpec, search: bool = False) -> Picture:
-    """What the robot was told, its plan as far as the tree is one, and what signs and colors mean.
+    """The first card: the instruction, the plan as far as the tree is one, and a legend.
 
     Args:
         title: Of the episode.

@@ -138,7 +138,7 @@ class DemonstrationRecorder(Watcher):
             self._videos[camera].add(image.rgb)
 
     def _tell(self, actions: Array, whole: bool = True) -> None:
-        """Take in what control steps carry out, and write the actions of rows that are over."""
+        """Add the actions of control steps; write the rows that are complete."""
         for row in self._actions.resampled(actions, CONTROL_HZ, self._fps, self._told, whole):
             self._rows["action"].append(row)
             self._told = row
@@ -183,7 +183,7 @@ class DemonstrationRecorder(Watcher):
 
 
 def subtask(tree: Tree) -> str:
-    """What the robot is at: the prompt of the policy that runs, or the place that is driven to; "" at neither."""
+    """The running policy's prompt, or the destination of the drive; "" if neither runs."""
     states = tree.states()
     for node in tree.spec.nodes:
         if states[node.path].status == "RUNNING":

@@ -1,4 +1,4 @@
-"""What frames of films have in common: their size, what they tell, and how text is written on them."""
+"""Common parts of film frames: size, lines of text, fonts."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ Rectangle = tuple[int, int, int, int]  # left, top, right, bottom [px]
 
 
 class Labels:
-    """Writes beside things where there is room; a text for which there is none is left out.
+    """Writes names beside things; a name without free space is left out.
 
     Attributes:
         taken: Where nothing may be written any more.

@@ -73,7 +73,7 @@ class Canvas:
             self._shade(self._rgb, self._grown(floor & ~self._seen & ~occupied))
 
     def names(self) -> None:
-        """Each room's name about where there is most space for it; those for which there is no room are left out."""
+        """Write each room's name where it has most space; names that do not fit are left out."""
         for name, place in room_places(self._map):
             u, v = self._px(place).tolist()
             half = self._cv.getTextSize(name, self._cv.FONT_HERSHEY_SIMPLEX, 0.95 * self._unit, 2)[0][0] // 2
@@ -93,7 +93,7 @@ class Canvas:
                 self._cv.line(self._rgb, a.tolist(), b.tolist(), color.tolist(), width, self._cv.LINE_AA)
 
     def objects(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> None:
-        """Rings where things were, discs where they are, an arrow between if they moved."""
+        """Rings at the old places of things, discs at the new ones, an arrow between if a thing moved."""
         moved = [n for n in after if n in before and norm(after[n] - before[n]) > 0.10]
         radius = max(4, round(7 * self._unit))
         for name in before:
@@ -111,7 +111,7 @@ class Canvas:
             self._labels.beside(self._mark(before[name], radius), words[name], _INK, _OUTSIDE)
 
     def found(self, entries: Sequence[Entry]) -> None:
-        """A square and a name where each is believed to be, and a thin line to it from where it was seen last."""
+        """A named square at each believed place, and a thin line to it from the last view."""
         half = max(4, round(6 * self._unit))
         for entry in entries:
             if entry.view is not None:
@@ -150,7 +150,7 @@ class Canvas:
             self._labels.beside(mark, number, _GOAL, _OUTSIDE)
 
     def robot(self, pose: Array, outline: Array, color: tuple[int, int, int], label: str) -> None:
-        """The outline (n, 2) of a base, with an arrow where it faces, and a label that covers no other."""
+        """The outline (n, 2) of a base, an arrow for its heading, and a label on free space."""
         center, corners = self._px(pose[:2]), self._px(placed(outline, pose)).astype(np.int32)
         ahead = self._px(placed(np.array([[outline[:, 0].max(), 0.0]]), pose))[0]
         width = max(2, round(2.2 * self._unit))

@@ -1,4 +1,4 @@
-"""A search seen from above: the map, which floor was seen, frontiers, the robot's way, and what was found."""
+"""A search seen from above: map, seen floor, frontiers, the robot's path, things found."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class MapPicture:
         return rgb
 
     def _names(self, rgb: Picture, view: SearchView, px: Pixels, robot: Rectangle) -> None:
-        """Marks of what was found with what it is called, and the rooms' names; none covers the robot."""
+        """Marks and names of the things found, and the rooms' names; none covers the robot."""
         import cv2
 
         labels, entries = Labels(rgb), found(view.entries)
@@ -166,7 +166,7 @@ def _tint(rgb: Picture, corners: NDArray[np.int32]) -> None:
 
 
 def _shape(rgb: Picture, px: Pixels, pose: Array, outline: Array, fill: Color, edge: Color) -> Rectangle:
-    """What has an outline (n, 2) at a pose (3,), with a line where it faces; large enough to be seen. Where it is."""
+    """Draw an outline (n, 2) at a pose (3,), with a line for its heading, at a visible size. Returns its box."""
     import cv2
 
     center = px(pose[:2])

@@ -18,7 +18,7 @@ _INK, _PAPER = (24, 26, 32), (255, 255, 255)
 def name_things(
     picture: Picture, T_world_camera: Array, fov_rad: float, things: Iterable[tuple[str, Array]]
 ) -> list[Rectangle]:
-    """Write the name of each thing where it is; one that would cover another name is left out.
+    """Write each thing's name at its place; a name that would cover another is left out.
 
     Args:
         picture: (H, W, 3) RGB, written on in place.

@@ -1,4 +1,4 @@
-"""The top-down picture of an episode: rooms, the base's way colored by time, and what was moved from where to where.
+"""An episode from above: rooms, the base's path colored by time, and old and new places of moved things.
 
 Of one that searched it shows which floor was seen and what was found, too.
 

@@ -38,7 +38,7 @@ _JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
 class Recorder(Watcher):
-    """Subscriber that writes a line for each tick at which something changed.
+    """Subscriber that writes the trace: a line for each tick with a change.
 
     Every line is handed to the operating system at once, so that a kill costs the line being written at most. It writes
     none where nothing changed: what it then costs is one comparison for each node that was ticked.
@@ -148,7 +148,7 @@ class Recorder(Watcher):
         self._write(last)
 
     def _record(self, states: Mapping[str, NodeState]) -> None:
-        """Write what differs from what was written before, if anything does."""
+        """Write the changes since the last line, if there are any."""
         line: dict[str, Any] = {}
         others: set[str] = set()  # paths at which another node stands than before
         if self._tree.spec is not self._spec:
@@ -267,7 +267,7 @@ def _is_where(saved: SavedRun, trace: Trace, i: int) -> bool:
 
 
 def _kinds(tree: TreeSpec) -> dict[str, str]:
-    """Kinds of node that other packages add, and whose."""
+    """Node kinds of other packages, with the package's name."""
     types = (placed.spec.type for placed in tree.nodes if placed.spec.own is None)
     modules = {node.kind: node.factory.partition(":")[0].partition(".")[0] for node in types}
     return {kind: module for kind, module in modules.items() if module not in ("", mpvi_bt.__name__)}
@@ -293,7 +293,7 @@ def _difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any
 
 
 def _answer(query: Query, now_s: float) -> dict[str, Any]:
-    """A query without what is at its default, and without its time where it was answered in the tick that asked."""
+    """A query without default values; its time is written only if it was asked in an earlier tick."""
     data = dataclasses.asdict(query)
     asked_s = data.pop("time_s")
     told = {key: value for key, value in data.items() if key in _ALWAYS or value not in (None, "", 0)}
@@ -321,7 +321,7 @@ def _diagnosed(handoff: Handoff) -> dict[str, Any]:
 
 
 def _described(error: Exception) -> dict[str, str]:
-    """The exception that ended the run, and whose it was if it was a node's."""
+    """The exception that ended the run, and the path of the node that raised it."""
     if not isinstance(error, NodeError):
         return {"message": str(error) if isinstance(error, MpviError) else f"{type(error).__name__}: {error}"}
     optional = {"place": error.place, "reason": getattr(error.__cause__, "reason", "")}

@@ -218,7 +218,7 @@ class RerunLog(Watcher):
         log(f"world/{name}", rr.LineStrips3D([_raised(p, 0.02) for p in lines], colors=[color], radii=[0.02]))
 
     def _map(self) -> None:
-        """Walls, which floor was seen, and frontiers: an image each, so that each can be hidden."""
+        """Walls, seen floor and frontiers as separate images: the viewer can hide each."""
         images = {"floor": np.where(self._part.occupied, _WALL, _FLOOR)}
         if self._search is not None:
             part = self._window.of(self._search)

@@ -1,4 +1,4 @@
-"""The colors in which searches are drawn, and what they stand for.
+"""Colors of drawn searches, and their meaning.
 
 People who tell red from green badly can tell them apart (Okabe and Ito, 2008); shapes and hatches differ besides.
 """

@@ -90,7 +90,7 @@ class SearchFrames:
         return frame
 
     def _head(self, image: CameraImage, detections: Iterable[Detection]) -> Picture:
-        """What the head sees, with what was detected in it."""
+        """The head's picture with its detections."""
         import cv2
 
         picture = cv2.resize(image.rgb, _VIEW, interpolation=cv2.INTER_LINEAR).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What a search knows, for those who draw or log it."""
+"""Read access to a search's state, for drawing and logging."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _REACH_M = 4.0  # the visible area is drawn so far
 
 
 class SearchView(Protocol):
-    """What a search knows now, for those who draw or log it; grids (H, W) have the map's cells.
+    """The present state of a search, for drawing and logging; grids (H, W) have the map's cells.
 
     Attributes:
         map: Occupied or not, as it is driven by: cells that are not known count as occupied.
@@ -61,7 +61,7 @@ class SearchView(Protocol):
 
 
 class Head:
-    """What the head sees, with what was detected in it; asked for often."""
+    """The head's picture with its detections; cheap to ask for often."""
 
     def __init__(self, search: SearchView | None) -> None:
         """Look through the pictures of a search, if there is one."""
@@ -70,7 +70,7 @@ class Head:
         self._taken_s = 0.0
 
     def look(self, world: World) -> tuple[CameraImage, list[Detection]]:
-        """The picture that was searched last, as long as it is fresh; else one of now, which costs a rendering."""
+        """The last searched picture while it is fresh; else a new one, at the cost of a rendering."""
         if self._search is not None and (image := self._search.image) is not None:
             if image is not self._last:
                 self._last, self._taken_s = image, world.time_s
@@ -85,7 +85,7 @@ def found(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def called(entry: Entry) -> str:
-    """What people call it, in letters that OpenCV can write."""
+    """A thing's everyday name, in ASCII for OpenCV."""
     name = entry.phrases[0] if entry.phrases else spoken(entry.name)
     return name.encode("ascii", "replace").decode()
 
@@ -96,7 +96,7 @@ def detected(detections: Iterable[Detection]) -> list[Detection]:
 
 
 def seen_m2(view: SearchView) -> tuple[float, float | None]:
-    """Area [m2] of the floor that was seen, and of all floor where that is known beforehand."""
+    """Area [m2] of the seen floor, and of the whole floor if it is known beforehand."""
     grid, floor = view.map, view.known & ~view.map.occupied
     cell_m2 = grid.resolution_m**2
     total = float(floor.sum()) * cell_m2 if view.known.all() else None
@@ -115,7 +115,7 @@ def cropped(grid_map: OccupancyMap, rows: slice, columns: slice) -> OccupancyMap
 
 
 def extent(search: SearchView, margin_m: float = 0.3, snap_m: float = 0.0) -> tuple[slice, slice]:
-    """Rows and columns about all floor and rooms that are known, and what was found.
+    """Rows and columns of a window around known floor, rooms and found things.
 
     Args:
         search: What is known.

@@ -231,7 +231,7 @@ def has_index(file: Path) -> bool:
 
 
 def _answers(tree: Tree) -> list[str]:
-    """What prompted the checker, what it was asked and what it said, of its last answers."""
+    """The checker's last answers: trigger, question and reply."""
     context = getattr(tree, "context", None)  # none where setup failed
     queries = context.log.queries[-_ANSWERS:] if context else []
     return [
@@ -240,7 +240,7 @@ def _answers(tree: Tree) -> list[str]:
 
 
 def _doing(tree: Tree) -> str:
-    """What the deepest running node says of its work, which its line has no room for."""
+    """Feedback of the deepest running node, too long for its own line."""
     states = tree.states()
     running = [node for node in tree.spec.nodes if states[node.path].status == "RUNNING" and states[node.path].feedback]
     return states[max(running, key=lambda node: node.depth).path].feedback if running else ""

@@ -46,7 +46,7 @@ def read_columns(text: str) -> tuple[str, ...]:
 
 
 def rows_of(run: Runs, columns: Sequence[str]) -> list[list[EpisodeConfig]]:
-    """The episodes of a method in groups: those alike in all that is chosen of what an episode is."""
+    """A method's episodes in groups: equal in all the chosen columns that describe an episode."""
     groups: dict[tuple[str, ...], list[EpisodeConfig]] = {}
     for config in run.episodes:
         groups.setdefault(tuple(WHICH[name](run, config) for name in columns if name in WHICH), []).append(config)

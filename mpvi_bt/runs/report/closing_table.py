@@ -66,7 +66,7 @@ def report_text(figures: Figures, runs: Sequence[Runs], width: int = WIDTH) -> s
 
 
 def _legend(shown: Sequence[int]) -> str:
-    """Which way is better, and what there was no room for."""
+    """The better direction of each figure, and the columns left out."""
     higher = [head for i, (head, key) in enumerate(FIGURES) if i in shown and BY_KEY[key].better == "higher"]
     lower = "time and distances" + (f", {_SAID['left/base m']}" if len(shown) == len(FIGURES) else "")
     said = f"{', '.join(_SAID.get(head, head) for head in higher)}: higher is better; {lower}: lower is better."
@@ -109,7 +109,7 @@ def _methods(figures: Figures, width: int) -> list[str]:
 
 
 def _closing(title: str, run: Runs, method: MethodFigures) -> list[str]:
-    """What came of all episodes of a method, and what has to be known of it."""
+    """Summary lines of a method: outcomes, and notes on them."""
     group = method.overall
     line = f"{title}: {group.finished}/{group.episodes} episodes, {group.successes} succeeded"
     if (q := group.measures["q_score"]) is not None:

@@ -1,4 +1,4 @@
-"""An episode seen from above, as SVG: the house, the base's way, and what was moved from where to where."""
+"""An episode from above, as SVG: house, the base's path, old and new places of moved things."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _window(places: Sequence[Sequence[float]]) -> Box:
 
 
 def _room_names(house: House, window: Box, scale: float) -> list[str]:
-    """A name in the corner of the part of each room that is seen, where there is space for it."""
+    """Each room's name, in a corner of its visible part if there is space."""
     x0, y0, x1, y1 = window
     parts = []
     for room in house.rooms.values():
@@ -108,7 +108,7 @@ def _room_names(house: House, window: Box, scale: float) -> list[str]:
 
 
 def _names(places: Mapping[str, tuple[float, float]], width: float, height: float) -> list[str]:
-    """What was moved, named at its end; names that would cover another one are left to the tooltip."""
+    """Names of moved things at their new places; a name that would cover another is left to the tooltip."""
     taken: list[Box] = []
     parts = []
     words = spoken_each(places)

@@ -1,4 +1,4 @@
-"""The part of a page that tells of one episode: goal, failures, map, what ran when, and its film."""
+"""The page section for one episode: goal, failures, map, timeline and film."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _failures(result: Result) -> str:
 
 
 def _handoffs(result: Result) -> str:
-    """What the policy did whenever it had control: whole where no checker confirmed it, else counted."""
+    """The policy's handoffs: in full if no checker confirmed them, else only counted."""
     diagnosis = result.timed_diagnosis
     if diagnosis is None:
         return '<p class="dim">What the policy did in each handoff was not kept.</p>'
@@ -151,7 +151,7 @@ def _picture(runs: Runs, config: EpisodeConfig, page: Path | None) -> str:
 
 
 def _address(runs: Runs, kind: str, name: str, page: Path | None) -> str:
-    """Where a file of an episode lies as seen from the page, as an attribute; "" where there is none."""
+    """Link from the page to a file of an episode, escaped for HTML; "" without a file."""
     path = runs.folder / kind / name if runs.folder else None
     if path is None or page is None or not path.is_file():
         return ""

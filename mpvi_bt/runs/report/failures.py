@@ -61,7 +61,7 @@ def count_failures(results: Iterable[Result]) -> Failures:
 
 
 def reason(failure: FailureRecord) -> str:
-    """A failure's reason code, with what the policy gave up of where it says so, as in "timeout (pick: no_grasp)"."""
+    """A failure's reason code, with the policy's own cause if it gave one, as in "timeout (pick: no_grasp)"."""
     said = _GAVE_UP.get(failure.reason)
     gave_up = said.search(failure.feedback) if said else None
     return f"{failure.reason} ({gave_up[1]})" if gave_up else failure.reason or "no reason given"

@@ -197,7 +197,7 @@ def _method(runs: Runs) -> MethodFigures:
 
 
 def _privileged(runs: Runs) -> list[str]:
-    """What results say, which stays true where a part of another package is not installed; else what is chosen."""
+    """Privileged parts, as the results name them (other packages may be gone); else by the settings."""
     told = [result.privileged for result in runs.results.values()]
     return sorted({part for parts in told or [privileged(c.backends) for c in runs.episodes] for part in parts})
 
@@ -233,7 +233,7 @@ def _instances(runs: Runs, configs: Sequence[EpisodeConfig]) -> dict[int, float]
 
 
 def _shared(configs: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Settings that all have and have alike, but what names the episode."""
+    """Settings with the same value in all episodes, without those that identify an episode."""
     every = list(configs)
     return {
         key: value

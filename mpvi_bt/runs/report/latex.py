@@ -64,7 +64,7 @@ def _tables(figures: Figures) -> Iterator[str]:
 
 
 def _chosen(figures: Figures, runs: Sequence[Runs], columns: Sequence[str]) -> str:
-    """A row for each method, or for each of its groups of episodes that are alike in the columns that say which."""
+    """A row for each method, or for each group of its episodes with equal values in the chosen columns."""
     rows = [
         [_cell(name, run, alike, group_of(run, alike)) for name in columns]
         for run in runs

@@ -149,7 +149,7 @@ def _axis(drawing: Drawing, x: float, y: float, wide: float, named: bool) -> Non
 
 
 def _points(method: MethodFigures) -> list[float]:
-    """What the mean over all tasks is of: the tasks' means, or the instances where there is but one task."""
+    """The values behind the overall mean: means of tasks, or instances if there is only one task."""
     tasks = [list(instances.values()) for instances in method.instances.values()]
     return tasks[0] if len(tasks) == 1 else [sum(scores) / len(scores) for scores in tasks if scores]
 

@@ -63,7 +63,7 @@ class SuiteFolder:
 
     @classmethod
     def of(cls, store: Store, manifest: Manifest) -> SuiteFolder:
-        """What is there now of all that the manifest names. Raises as `read`."""
+        """Results now in the folder, of the episodes in the manifest. Raises as `read`."""
         return cls.read(manifest.suite, store, manifest.episodes(), manifest.about)
 
     @classmethod
@@ -115,7 +115,7 @@ def _untold(folder: Path) -> str:
 
 
 def _below(folder: Path) -> list[Path]:
-    """The folders in a folder that say what their results are of."""
+    """Subfolders with a manifest of their results."""
     return sorted(manifest.parent for manifest in folder.glob(f"*/{MANIFEST}"))
 
 
@@ -145,7 +145,7 @@ def together(parts: Sequence[SuiteFolder]) -> list[Runs]:
 
 
 def notes(parts: Sequence[SuiteFolder]) -> list[str]:
-    """What is to be known of results that stand side by side: where they are, and in what they were not made alike."""
+    """Notes on results shown side by side: their folders, and how their settings and files differ."""
     if len(parts) < 2:
         return []
     kept = {str(part.store.out): manifest for part in parts if (manifest := read_manifest(part.store.out)) is not None}

@@ -66,7 +66,7 @@ class SuiteReport:
 
     @property
     def faults(self) -> dict[str, str]:
-        """What broke the episodes that have no result and are run again by the next run: name to message."""
+        """Errors of episodes without a result, by name. The next run plays these again."""
         return {config.name: fault.message for runs in self.runs for config, fault in runs.faults.items()}
 
     def __str__(self) -> str:

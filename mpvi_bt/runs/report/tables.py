@@ -104,7 +104,7 @@ def summary_table(figures: Figures) -> Table:
 
 
 def truth_text(figures: Figures) -> str:
-    """What of each method reads simulator truth, and whose grasps are assisted."""
+    """For each method: backends that read simulator truth, and assisted grasping."""
     parts = [f"{m.name}: {', '.join(m.privileged) or 'nothing'}" for m in figures.methods]
     assisted = [m.name for m in figures.methods if m.assisted]
     text = f"Backends that read simulator truth: {'; '.join(parts)}."
@@ -131,7 +131,7 @@ def task_table(figures: Figures) -> Table:
 
 
 def instance_table(method: MethodFigures) -> Table:
-    """A method's q on every instance, which a bare mean hides; no rows where there is one instance only."""
+    """A method's q on every instance, hidden by a bare mean; no rows if there is only one instance."""
     instances = sorted({instance for scores in method.instances.values() for instance in scores})
     rows = [
         [task, *(f"{round(scores[i], 2):g}" if i in scores else NONE for i in instances)]
@@ -267,7 +267,7 @@ def wall_table(figures: Figures) -> Table:
 
 
 def settings_table(figures: Figures) -> Table:
-    """What each method is, and which of its parts read simulator truth."""
+    """Settings of each method, and its parts that read simulator truth."""
     keys = list(dict.fromkeys(key for method in figures.methods for key in method.settings if key != "method"))
     rows = [["about", *(m.about or NONE for m in figures.methods)]] if any(m.about for m in figures.methods) else []
     rows.append(["reads simulator truth", *(", ".join(m.privileged) or "no part" for m in figures.methods)])
@@ -290,7 +290,7 @@ def missing_table(figures: Figures) -> Table:
 
 
 def direction_table() -> Table:
-    """What is measured, its unit and which way is better."""
+    """The measures, with unit and better direction."""
     rows = [[m.label, m.unit or NONE, m.better, m.key] for m in MEASURES]
     note = (
         "Human / robot as BEHAVIOR's evaluator has it: 1 is as good as people. Distances of hands are in the world; "
@@ -300,7 +300,7 @@ def direction_table() -> Table:
 
 
 def _as_in_the_paper(found: MethodComparison) -> bool:
-    """Whether the paper compares these two, and on tasks of which all that were played are."""
+    """Whether the paper compares these two methods, and has all the tasks played."""
     theirs = paper_scores().get("mpvi", {}).keys()
     return (found.baseline, found.method) == ("e2e", "mpvi") and found.tasks.keys() <= theirs
 

@@ -37,7 +37,7 @@ class Row:
 
 
 def timeline(trace: Trace) -> list[Row]:
-    """Every leaf that ran, in the order in which they began; one that still ran at the end stands as running.
+    """Every leaf that ran, by start time; a leaf still active at the end is shown as running.
 
     Each stands as the tree has it: one that a node above it cut off, such as a timeout, was interrupted.
     """

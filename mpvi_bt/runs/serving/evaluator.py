@@ -196,7 +196,7 @@ def _rollout(
 
 
 def _result(session: Evaluation, instance: int, goal: GoalReport, measured: Any, human: Human | None) -> dict[str, Any]:
-    """In the layout of the evaluator's files; null where it writes a figure that JSON does not have."""
+    """A result in the layout of the evaluator's files; null for its figures that JSON lacks, such as inf."""
     distance: dict[str, float] = {"base": measured.base_m} | {str(side): m for side, m in measured.hand_world_m.items()}
     means: dict[str, float] = (
         {"base": human.base_m} | {str(side): m for side, m in human.hand_m.items()} if human else {}

@@ -1,4 +1,4 @@
-"""The executive behind a socket: episodes of a robot elsewhere, from what they are to do to what became of them."""
+"""The executive behind a socket, for a robot elsewhere: from a requested episode to its result."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ DIALECTS: Mapping[str, Dialect] = {dialect.name: dialect for dialect in _SPOKEN}
 
 @dataclass(frozen=True)
 class ServedWork:
-    """What is to be done, as far as it is said where the server starts.
+    """Work fixed at the start of the server; the rest comes with observations.
 
     Attributes:
         config: Of every episode; its task, tree or plan are done whatever observations say.

@@ -35,7 +35,7 @@ _ICD = "MPVI_LAVAPIPE_ICD"  # environment variable: where Mesa's renderer is, if
 
 
 def action_spec(settings: DialectSettings) -> dict[str, DimSpec]:
-    """What actions are: the 23 numbers in our order and units, or those of BEHAVIOR's R1Pro where settings map them."""
+    """The action space: our 23 numbers in our units, or BEHAVIOR's R1Pro actions if settings map them."""
     if settings.action.parts or settings.action.dialect:
         said = settings.about
         return {"joints": DimSpec("joints", settings.action.size, "joint_positions_r1pro", description=said)}
@@ -50,7 +50,7 @@ def action_spec(settings: DialectSettings) -> dict[str, DimSpec]:
 
 
 def observation_spec(settings: DialectSettings) -> dict[str, DimSpec]:
-    """What observations are; of the whole observation one entry that says so."""
+    """The observation space; a single named entry for the whole observation."""
     layout = settings.observation
     if layout is None:
         return {"observation": DimSpec("observation", 0, "mpvi_bt_whole", description="docs/policies.md of mpvi_bt")}
@@ -162,7 +162,7 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         return dict.fromkeys(("success", "q", "goal_fraction", "conditions_met", "simulated_s"), "mean")
 
     def get_hold_action(self, last_action: dict[str, Any] | None) -> dict[str, Any]:
-        """What the robot does for a step while the model server thinks, where the runner's mode is live: it stands."""
+        """The action while the model server thinks (live mode): stand still."""
         return _HOLD
 
     # --- an episode

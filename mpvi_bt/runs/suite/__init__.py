@@ -1,1 +1,1 @@
-"""Many episodes: which, where they run, what is kept of them."""
+"""Suites: many episodes, their order, engines and stored results."""

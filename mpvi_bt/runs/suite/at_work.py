@@ -1,4 +1,4 @@
-"""What is at work in a suite's folder, told by a file there to those who look from other processes."""
+"""A file in the suite's folder lists the running episodes, for other processes to read."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _LIST = TypeAdapter(list[AtWork])
 
 
 def note(folder: Path, works: Sequence[AtWork]) -> None:
-    """Say what is at work now. It is no loss where that cannot be written."""
+    """Write the running episodes. A failed write does no harm."""
     path = folder / FILE
     new = path.with_suffix(".tmp")
     with contextlib.suppress(OSError):
@@ -47,7 +47,7 @@ def note(folder: Path, works: Sequence[AtWork]) -> None:
 
 
 def read(folder: Path) -> list[AtWork]:
-    """What was noted last; nothing where that cannot be read. A run that was killed leaves its last note."""
+    """The last list written; [] if it cannot be read. A killed run leaves its last list."""
     path = folder / FILE
     try:
         if not path.is_file():

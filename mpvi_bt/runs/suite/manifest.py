@@ -1,4 +1,4 @@
-"""What the results in a suite's folder are of: a file beside them, so that no others are mixed in."""
+"""A file beside a suite's results describes them, so that results of other settings are not mixed in."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Manifest(Record):
         )
 
     def claim(self, folder: Path) -> None:
-        """Write this one to a folder that has none, or one that agrees.
+        """Write this manifest to a folder without one, or with an equal one.
 
         Raises:
             UserError: The folder's results are of something else; or it cannot be written.
@@ -177,7 +177,7 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
 
 
 def entry_content(entry: CatalogueEntry) -> dict[str, Any]:
-    """All that an entry is, wherever it lies: of a mesh what is in its file, not the file's place."""
+    """The content of a catalogue entry. For a mesh file it has a hash, not the path."""
     told = entry.model_dump()
     if file := entry.shape.get("file"):
         told["shape"] = {**entry.shape, "file": hashlib.sha256(Path(file).read_bytes()).hexdigest()}
@@ -209,7 +209,7 @@ def _hash(data: Any) -> str:
 
 
 def _name(path: Path) -> str:
-    """Below its root, wherever that is; of what is in none, where it is."""
+    """The path relative to its root; the full path if it is under no root."""
     for root in (Path(str(metadata.distribution("bddl").locate_file(""))), *paths.roots()):
         if path.resolve().is_relative_to(root.resolve()):
             return path.resolve().relative_to(root.resolve()).as_posix()

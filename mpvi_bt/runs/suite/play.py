@@ -1,4 +1,4 @@
-"""One suite played: from its file and what is asked for to what became of each episode."""
+"""Plays one suite: from its file and options to the outcome of each episode."""
 
 from __future__ import annotations
 

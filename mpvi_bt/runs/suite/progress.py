@@ -135,7 +135,7 @@ def standing(
     faults: Mapping[str, int],
     left_s: tuple[float, float] | None = None,
 ) -> str:
-    """How far a suite is: q and who reached the goal apart from what broke, which says nothing of any policy.
+    """Progress of a suite in words. Crashed episodes are counted apart: they say nothing about a policy.
 
     Args:
         done, total: Episodes with a result, and all.

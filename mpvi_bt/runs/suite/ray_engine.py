@@ -151,7 +151,7 @@ class RayEngine:
             yield config, sent.played
 
     def close(self) -> None:
-        """Leave the cluster, which ends what is at work for us; end one of our own."""
+        """Leave the cluster, and so end our running episodes; stop a cluster of our own."""
         import ray
 
         ray.shutdown()
@@ -192,7 +192,7 @@ def play_far(
 
 
 def _keep(config: EpisodeConfig, files: Mapping[tuple[str, str], bytes]) -> None:
-    """Write what an episode wrote on its node to where it was wanted."""
+    """Write files from the episode's node to their chosen paths here."""
     for (field, below), content in files.items():
         path = _outputs(config)[field].parent / below
         try:
@@ -207,7 +207,7 @@ def _outputs(config: EpisodeConfig) -> dict[str, Path]:
 
 
 def _wrong(due: Manifest, config: EpisodeConfig) -> str:
-    """What this node has otherwise of all that an episode reads, or ""; a process looks once at a task."""
+    """Differences between this node's files and the manifest, or ""; checked once a task in each process."""
     if (config.task, config.method) in _looked_at:
         return ""
     node = f"node {socket.gethostname()}"

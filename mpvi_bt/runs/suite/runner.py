@@ -45,7 +45,7 @@ class Engine(Protocol):
         ...
 
     def wait(self, seconds: float) -> Iterator[tuple[EpisodeConfig, Played]]:
-        """Episodes that ended, each once, as soon as one has or after that time."""
+        """Yield episodes as they end, each once; return after that many seconds at the latest."""
         ...
 
     def close(self) -> None:
@@ -57,7 +57,7 @@ class RunListener(Protocol):
     """Is told how a run goes."""
 
     def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
-        """Results that were there already, and what is to run."""
+        """Called at the start, with earlier results and the episodes left to play."""
         ...
 
     def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
@@ -172,7 +172,7 @@ class _Run:
             note(self.store.out, ())
 
     def _begin(self, config: EpisodeConfig) -> None:
-        """Give an episode that has begun the number of a worker that is free."""
+        """Give a starting episode the number of a free worker."""
         busy = {work.worker for work in self.at_work.values()}
         worker = next(number for number in itertools.count(1) if number not in busy)
         self.at_work[config] = AtWork(

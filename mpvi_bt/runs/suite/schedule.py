@@ -1,4 +1,4 @@
-"""In which order the episodes of a suite begin, and how long those that are left will take."""
+"""The order of a suite's episodes, and a forecast of the remaining time."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def in_rounds(episodes: Sequence[EpisodeConfig], budget_s: Mapping[str, float]) 
 
 
 class EpisodeTimes:
-    """What episodes take of wall time, told by those that ran; nothing is known before one has.
+    """Learns the wall time of episodes from finished ones.
 
     Args:
         budget_s: Time budget [simulated s] of every task. A task of which no episode ran is told by it.

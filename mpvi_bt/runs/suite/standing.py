@@ -1,4 +1,4 @@
-"""Where a suite stands that a run works on, told by its folder."""
+"""Progress of a running suite, read from its folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mpvi_bt.runs.suite.store import Store
 def under_way(
     store: Store, episodes: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result]
 ) -> tuple[list[dict[str, Any]], tuple[float, float] | None]:
-    """What each worker of the run is at, and the wall time [s] that is left of all, from and to, if that is known."""
+    """Each worker's episode, and the remaining wall time [s] (from, to) if it can be estimated."""
     budget_s = budgets_s(episodes)
     pace = EpisodeTimes(budget_s)
     for config, result in results.items():

@@ -1,4 +1,4 @@
-"""The folder of a suite's results: one file an episode, so that a killed run goes on where it stopped.
+"""The folder of a suite's results: one file an episode, so a killed run can continue.
 
 - manifest.json: what the results are of, so that no others are mixed in (manifest.py)
 - asked.json: calls and tokens that language models were asked for, if any were
@@ -70,7 +70,7 @@ class Store:
     out: Path
 
     def folder(self, config: EpisodeConfig) -> Path:
-        """Where all that is written of the episode goes."""
+        """The folder of all files of an episode."""
         return self.out / (config.method or "")
 
     def path(self, config: EpisodeConfig) -> Path:
@@ -94,7 +94,7 @@ class Store:
         return result
 
     def quarantine(self, config: EpisodeConfig) -> Path | None:
-        """Put a file aside that was to be the episode's result and is none, and say where to; None if all is well.
+        """Move an invalid result file of the episode aside. Returns its new path; None if there was nothing to move.
 
         Raises:
             UserError: It cannot be moved.
@@ -116,7 +116,7 @@ class Store:
         return moved
 
     def _whole(self, config: EpisodeConfig) -> Result | None:
-        """What the episode's file holds, if that is a result of this task, instance and seed."""
+        """The episode's result from its file, if task, instance and seed fit."""
         result = read_result(self.path(config))
         due = (config.task_name, config.instance, config.seed)
         return result if result and (result.task, result.instance_id, result.rollout_id) == due else None

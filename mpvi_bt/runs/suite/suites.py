@@ -1,4 +1,4 @@
-"""Suites, from YAML: which tasks, how often, and by which methods."""
+"""Suites, from YAML: tasks, instances, seeds and methods."""
 
 from __future__ import annotations
 
