@@ -123,6 +123,6 @@ def _run(files: list[int], words: list[str], cwd: str, env: dict[str, str]) -> N
         case ["-m", module, *rest]:
             sys.argv = [module, *rest]
             runpy.run_module(module, run_name="__main__", alter_sys=True)
-        case [file, *rest]:
-            sys.argv, sys.path[0] = [file, *rest], str(Path(file).parent)
-            runpy.run_path(file, run_name="__main__")
+        case [path, *rest]:
+            sys.argv, sys.path[0] = [path, *rest], str(Path(path).parent)
+            runpy.run_path(path, run_name="__main__")
