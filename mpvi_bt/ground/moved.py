@@ -85,6 +85,7 @@ MODULES: Mapping[str, str] = {  # modules that went elsewhere than their room, o
     "paths": "ground.paths",
     "manipulation.policies.paced": "executive.actions.paced",
     "perception.phrases": "ground.words.phrases",
+    "perception.sighting": "finding.perception.located_detections",
     "perception.sizes": "ground.words.sizes",
     "protocols": "ground.protocols",
     "proxies": "ground.proxies",

@@ -16,7 +16,14 @@ from pydantic import TypeAdapter
 
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase, calls
 from mpvi_bt.finding.perception.detector import Detection, Detector
-from mpvi_bt.finding.perception.sighting import Looks, Sighting, covers, middle_in_sight, shows, sightings
+from mpvi_bt.finding.perception.located_detections import (
+    LocatedDetection,
+    Looks,
+    covers,
+    locate_detections,
+    middle_in_sight,
+    shows,
+)
 from mpvi_bt.finding.scene.assignment import NEVER, associated
 from mpvi_bt.finding.scene.belief import BELIEF, Belief
 from mpvi_bt.finding.scene.carrying import Carrying
@@ -29,7 +36,7 @@ from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 
 @dataclass(frozen=True)
 class Association:
-    """Which sighting may be of which known thing, and how it changes that thing.
+    """Which detection may be of which known thing, and how it changes that thing.
 
     Our choice: depth, joints and odometry of a good robot are off by a third of the gate.
     """
@@ -113,20 +120,20 @@ class Discoveries:
         self._carrying.move(body)
         try:
             self.detections = self._detector.detect(image, self.phrases)
-            seen, unplaced = sightings(image, self.detections)
+            seen, unplaced = locate_detections(image, self.detections)
         except DetectorError as error:
             self.detections = ()
             self.errors, self.last_error = self.errors + 1, error
             return []
         entries, new = [], []
-        for sighting, known in zip(seen, self._associate(seen), strict=True):
+        for detection, known in zip(seen, self._associate(seen), strict=True):
             if known is None:
-                known = self._discover(sighting)
+                known = self._discover(detection)
                 new.append(known)
             else:
-                self._confirm(known, sighting)
+                self._confirm(known, detection)
             looks = self._looks[known.name]
-            looks.px_m3 = max(looks.px_m3, sighting.px_m3)
+            looks.px_m3 = max(looks.px_m3, detection.px_m3)
             known.seen_s, known.view = self._clock.time_s, body.base_pose.copy()
             entries.append(known)
         self._absorb(entries)
@@ -137,24 +144,24 @@ class Discoveries:
 
     # ------------------------------------------------------------------------------------------ association
 
-    def _associate(self, seen: Sequence[Sighting]) -> list[Entry | None]:
-        """The entry of each sighting, None for a thing that is new."""
+    def _associate(self, seen: Sequence[LocatedDetection]) -> list[Entry | None]:
+        """The entry of each detection, None for a thing that is new."""
         known = [entry for entry in self.knowledge if entry.kind != "room"]
         misfits = np.full((len(seen), len(known)), NEVER)
-        for i, sighting in enumerate(seen):
+        for i, detection in enumerate(seen):
             for k, entry in enumerate(known):
-                if _alike(entry.phrases, sighting.phrases):
-                    misfits[i, k] = self._misfit(sighting, entry)
+                if _alike(entry.phrases, detection.phrases):
+                    misfits[i, k] = self._misfit(detection, entry)
         return [None if k is None else known[k] for k in associated(misfits)]
 
-    def _misfit(self, sighting: Sighting, entry: Entry) -> float:
-        """How badly a sighting fits an entry: 0 to 1, or `NEVER`."""
-        gate = _FIT.gate_m + _FIT.gate_per_m * sighting.range_m
-        way = (sighting.lowest + sighting.highest) / 2 - entry.center
+    def _misfit(self, detection: LocatedDetection, entry: Entry) -> float:
+        """How badly a detection fits an entry: 0 to 1, or `NEVER`."""
+        gate = _FIT.gate_m + _FIT.gate_per_m * detection.range_m
+        way = (detection.lowest + detection.highest) / 2 - entry.center
         if entry.source != "prior" and self._looks[entry.name].near_m is None:
             gate, way[2] = max(gate, _FIT.unseen_gate_m), max(way[2], 0.0)
         apart = float(norm(way)) / gate
-        a, b = np.stack([sighting.lowest, sighting.highest]), np.stack([entry.lowest, entry.highest])
+        a, b = np.stack([detection.lowest, detection.highest]), np.stack([entry.lowest, entry.highest])
         if apart < 1.0:
             return apart
         if (shared := _shared(a, b)) > _FIT.shared:
@@ -165,36 +172,36 @@ class Discoveries:
 
     # ------------------------------------------------------------------------------------------ learning
 
-    def _discover(self, sighting: Sighting) -> Entry:
+    def _discover(self, detection: LocatedDetection) -> Entry:
         """A new entry."""
-        phrase = sighting.phrases[0]
+        phrase = detection.phrases[0]
         name = ""
         while not name or name in self.knowledge.entries:
             self._numbers[phrase] = self._numbers.get(phrase, 0) + 1
             name = f"{phrase} #{self._numbers[phrase]}"
-        entry = Entry(name, sighting.phrases, "object", sighting.lowest, sighting.highest, source=self._detector.name,
-                      confidence=self._belief.first(sighting.score))  # fmt: skip
+        entry = Entry(name, detection.phrases, "object", detection.lowest, detection.highest,
+                      source=self._detector.name, confidence=self._belief.first(detection.score))  # fmt: skip
         self.knowledge.put(entry)
-        self._place(entry, sighting.lowest, sighting.highest)
-        self._looks[name] = Looks(sighting.range_m)
+        self._place(entry, detection.lowest, detection.highest)
+        self._looks[name] = Looks(detection.range_m)
         return entry
 
-    def _confirm(self, entry: Entry, sighting: Sighting) -> None:
+    def _confirm(self, entry: Entry, detection: LocatedDetection) -> None:
         """See a known thing again; what is known beforehand, or held, is known better than pictures tell."""
         if entry.source == "prior":
             return
-        entry.phrases = tuple(dict.fromkeys((*entry.phrases, *sighting.phrases)))
-        entry.confidence = self._belief.seen(entry.confidence, sighting.score)
+        entry.phrases = tuple(dict.fromkeys((*entry.phrases, *detection.phrases)))
+        entry.confidence = self._belief.seen(entry.confidence, detection.score)
         if entry.held:
             return
         looks = self._looks[entry.name]
         nearest = looks.near_m
-        if nearest is None and not sighting.cut:
-            low, high = sighting.lowest, sighting.highest
+        if nearest is None and not detection.cut:
+            low, high = detection.lowest, detection.highest
         else:
-            low, high = _merged(entry, sighting, 1.0 if nearest is None else nearest / max(sighting.range_m, 1e-3))
-        if not sighting.cut:
-            looks.near_m = min(nearest or np.inf, sighting.range_m)
+            low, high = _merged(entry, detection, 1.0 if nearest is None else nearest / max(detection.range_m, 1e-3))
+        if not detection.cut:
+            looks.near_m = min(nearest or np.inf, detection.range_m)
         self._place(entry, low, high)
 
     def _place(self, entry: Entry, lowest: Array, highest: Array) -> None:
@@ -294,7 +301,7 @@ def _shared(a: Array, b: Array) -> float:
     return float(np.prod(both) / min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0])))
 
 
-def _merged(entry: Entry, sighting: Sighting, nearer: float) -> tuple[Array, Array]:
+def _merged(entry: Entry, detection: LocatedDetection, nearer: float) -> tuple[Array, Array]:
     """Lowest and highest corner of a thing that is seen again, from a range `nearer` times as short as the best before.
 
     Its faces go part of the way to where they are seen now, outward fast and inward slowly: a look shows the side that
@@ -304,12 +311,12 @@ def _merged(entry: Entry, sighting: Sighting, nearer: float) -> tuple[Array, Arr
     """
     weight = min(1.0, nearer**2)
     low, high = entry.lowest, entry.highest
-    part = _smaller(np.stack([sighting.lowest, sighting.highest]), np.stack([low, high]))
-    if ((sighting.lowest > high) | (sighting.highest < low)).any() and not part:
-        shift = weight * ((sighting.lowest + sighting.highest) / 2 - entry.center)
+    part = _smaller(np.stack([detection.lowest, detection.highest]), np.stack([low, high]))
+    if ((detection.lowest > high) | (detection.highest < low)).any() and not part:
+        shift = weight * ((detection.lowest + detection.highest) / 2 - entry.center)
         low, high = low + shift, high + shift
-    inward = 0.0 if sighting.cut else float(np.clip(1.0 - 1.0 / nearer, 0.0 if part else _FIT.shrinks, _FIT.grows))
-    below, above = sighting.lowest - low, sighting.highest - high
+    inward = 0.0 if detection.cut else float(np.clip(1.0 - 1.0 / nearer, 0.0 if part else _FIT.shrinks, _FIT.grows))
+    below, above = detection.lowest - low, detection.highest - high
     return (
         low + weight * np.where(below < 0, _FIT.grows, inward) * below,
         high + weight * np.where(above > 0, _FIT.grows, inward) * above,

@@ -1,4 +1,4 @@
-"""What one picture says of things: where what it shows is, and whether it would show what is at a place."""
+"""Detections placed in the world, and whether a picture would show a thing at a place."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Looks:
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
-    """One thing in one picture.
+class LocatedDetection:
+    """One detected thing, placed in the world.
 
     Attributes:
         phrases: That name it, normalized, the surest first.
@@ -64,7 +64,7 @@ class Sighting:
     cut: bool
 
 
-def sightings(image: CameraImage, found: Sequence[Detection]) -> tuple[list[Sighting], list[Detection]]:
+def locate_detections(image: CameraImage, found: Sequence[Detection]) -> tuple[list[LocatedDetection], list[Detection]]:
     """The things that detections show, and the detections whose place cannot be told.
 
     Two detections by one phrase are always two things; detections by different phrases of the same pixels are one.
@@ -90,7 +90,7 @@ def sightings(image: CameraImage, found: Sequence[Detection]) -> tuple[list[Sigh
         ahead = (place.lowest + place.highest) / 2 - image.T_world_camera[:3, 3]
         px_m3 = place.pixels * float(matmul(ahead, image.T_world_camera[:3, 2])) ** 3
         range_m, cut = float(norm(ahead)), _cut(best.box, image)
-        seen.append(Sighting(names, best.score, place.lowest, place.highest, range_m, px_m3, cut))
+        seen.append(LocatedDetection(names, best.score, place.lowest, place.highest, range_m, px_m3, cut))
     return seen, unplaced
 
 
