@@ -12,9 +12,9 @@ from mpvi_bt.executive.ticking.loop import Outcome
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.ground.words.spoken import spoken_texts
 from mpvi_bt.runs.recording import search_colors as colors
+from mpvi_bt.runs.recording.drawn_map import hatched
 from mpvi_bt.runs.recording.frame_text import DIM, INK, INKS, LEGEND, PAPER, PITCH_PX, SIZE, plain, wrapped, write
 from mpvi_bt.runs.recording.labels import Color, Picture
-from mpvi_bt.runs.recording.map_picture import hatched
 
 _LEFT, _TOP = 64, 76  # of the first line [px]
 _TITLE, _TEXT, _LIST = 2.0, 1.6, 1.25  # letters, of those that frames have

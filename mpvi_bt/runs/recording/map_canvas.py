@@ -14,12 +14,11 @@ from mpvi_bt.executive.plan.knowledge import Entry
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.mobile_base import placed
 from mpvi_bt.ground.words.spoken import spoken_each
 from mpvi_bt.runs.recording import search_colors as colors
-from mpvi_bt.runs.recording.labels import Labels, Picture, Rectangle
-from mpvi_bt.runs.recording.map_picture import hatch
-from mpvi_bt.runs.recording.search_view import Mask, SearchView, called, cropped, extent, room_places
+from mpvi_bt.runs.recording.drawn_map import DrawnMap, around, hatch
+from mpvi_bt.runs.recording.labels import Labels, Picture
+from mpvi_bt.runs.recording.search_view import Mask, SearchView, cropped, extent, room_places
 
 _WIDTH_PX = 1400  # of the finished picture, at most; drawn at twice that and shrunk
 _OUTSIDE, _WALL, _INK, _UNKNOWN = (255, 255, 255), (74, 78, 92), (40, 44, 54), (206, 210, 216)
@@ -49,6 +48,7 @@ class Canvas:
         rows, columns = grid_map.occupied.shape
         self._scale = max(2, 2 * round(_WIDTH_PX / max(columns, rows)))  # pixels a cell
         self._rgb = np.full((rows * self._scale, columns * self._scale, 3), 255, np.uint8)
+        self._drawn = DrawnMap(self._rgb, grid_map, self._scale)
         self._unit = max(1.0, self._scale * 0.05 / grid_map.resolution_m / 6)  # sizes of marks go by the map's scale
         self._labels, self._rooms = Labels(self._rgb, 0.72 * self._unit), Labels(self._rgb, 0.95 * self._unit)
         self._rooms.taken = self._labels.taken  # neither covers the other
@@ -74,10 +74,7 @@ class Canvas:
 
     def names(self) -> None:
         """Write each room's name where it has most space; names that do not fit are left out."""
-        for name, place in room_places(self._map):
-            u, v = self._px(place).tolist()
-            half = self._cv.getTextSize(name, self._cv.FONT_HERSHEY_SIMPLEX, 0.95 * self._unit, 2)[0][0] // 2
-            self._rooms.beside((u - half, v, u, v), name, _INK)
+        self._drawn.names(room_places(self._map), self._rooms, 0.95 * self._unit, 2, _INK, lower=False)
 
     def _grown(self, cells: NDArray[Any]) -> NDArray[Any]:
         """Pixels of cells, north up."""
@@ -85,7 +82,7 @@ class Canvas:
 
     def way(self, poses: Array) -> None:
         """The base's way, from dark (early) to bright (late)."""
-        points = self._px(poses[:, :2])
+        points = self._drawn.px(poses[:, :2])
         ramp = _ramp(len(points), self._cv)
         width = max(2, round(3.2 * self._unit))
         for a, b, color in zip(points[:-1], points[1:], ramp, strict=False):
@@ -97,44 +94,27 @@ class Canvas:
         moved = [n for n in after if n in before and norm(after[n] - before[n]) > 0.10]
         radius = max(4, round(7 * self._unit))
         for name in before:
-            a = self._px(before[name]).tolist()
+            a = self._drawn.px(before[name]).tolist()
             self._cv.circle(self._rgb, a, radius, _MOVED if name in moved else _INK, 3, self._cv.LINE_AA)
         for name in moved:
-            a, b = self._px(before[name]), self._px(after[name])
+            a, b = self._drawn.px(before[name]), self._drawn.px(after[name])
             self._cv.arrowedLine(self._rgb, a.tolist(), b.tolist(), _MOVED, 3, self._cv.LINE_AA, 0, 0.04)
         for name in after:
             color = _MOVED if name in moved else _INK
-            self._cv.circle(self._rgb, self._px(after[name]).tolist(), radius - 2, color, -1, self._cv.LINE_AA)
+            self._cv.circle(self._rgb, self._drawn.px(after[name]).tolist(), radius - 2, color, -1, self._cv.LINE_AA)
         words = spoken_each(before)
         # What a search has found is named itself.
         for name in moved[:_OBJECTS_NAMED] if moved or self._searched else list(after)[:_OBJECTS_NAMED]:
-            self._labels.beside(self._mark(before[name], radius), words[name], _INK, _OUTSIDE)
+            self._labels.beside(self._drawn.square(before[name], radius), words[name], _INK, _OUTSIDE)
 
     def found(self, entries: Sequence[Entry]) -> None:
         """A named square at each believed place, and a thin line to it from the last view."""
         half = max(4, round(6 * self._unit))
         for entry in entries:
             if entry.view is not None:
-                ends = self._px(entry.view[:2]).tolist(), self._px(entry.center[:2]).tolist()
-                self._cv.line(self._rgb, *ends, colors.FOUND, max(1, round(self._unit)), self._cv.LINE_AA)
-        for entry in entries:
-            left, top, right, bottom = mark = self._mark(entry.center[:2], half)
-            self._cv.rectangle(self._rgb, (left, top), (right, bottom), _INK, -1)
-            self._cv.rectangle(self._rgb, (left + 2, top + 2), (right - 2, bottom - 2), colors.FOUND, -1)
-            self._labels.taken.append(mark)
-        for entry in entries:
-            self._labels.beside(self._mark(entry.center[:2], half), called(entry), _INK, _OUTSIDE)
-
-    def _mark(self, xy: Array, half: int) -> tuple[int, int, int, int]:
-        """The square about a place."""
-        u, v = self._px(xy).tolist()
-        return u - half, v - half, u + half, v + half
-
-    @staticmethod
-    def _around(pixels: NDArray[Any]) -> Rectangle:
-        """The rectangle about some pixels (n, 2)."""
-        (left, top), (right, bottom) = pixels.min(0).tolist(), pixels.max(0).tolist()
-        return left, top, right, bottom
+                ends = np.stack([entry.view[:2], entry.center[:2]])
+                self._drawn.line(ends, colors.FOUND, max(1, round(self._unit)))
+        self._drawn.found(entries, self._labels, half, 2, _INK, _OUTSIDE)
 
     def goals(self, poses: Sequence[Array]) -> None:
         """A numbered arrowhead at each pose, pointing where the base was to face."""
@@ -142,8 +122,8 @@ class Canvas:
         for k, pose in enumerate(poses, 1):
             turns = pose[2] + np.array([0.0, 2.5, np.pi, -2.5])
             corners = pose[:2] + 0.16 * np.array([1, 1, 0.3, 1])[:, None] * np.stack([np.cos(turns), np.sin(turns)], 1)
-            self._cv.fillPoly(self._rgb, [self._px(corners).astype(np.int32)], _GOAL, self._cv.LINE_AA)
-            mark = self._around(self._px(corners))
+            self._cv.fillPoly(self._rgb, [self._drawn.px(corners).astype(np.int32)], _GOAL, self._cv.LINE_AA)
+            mark = around(self._drawn.px(corners))
             self._labels.taken.append(mark)
             marks.append((mark, str(k)))
         for mark, number in marks:
@@ -151,12 +131,7 @@ class Canvas:
 
     def robot(self, pose: Array, outline: Array, color: tuple[int, int, int], label: str) -> None:
         """The outline (n, 2) of a base, an arrow for its heading, and a label on free space."""
-        center, corners = self._px(pose[:2]), self._px(placed(outline, pose)).astype(np.int32)
-        ahead = self._px(placed(np.array([[outline[:, 0].max(), 0.0]]), pose))[0]
-        width = max(2, round(2.2 * self._unit))
-        self._cv.polylines(self._rgb, [corners], True, color, width, self._cv.LINE_AA)
-        self._cv.arrowedLine(self._rgb, center.tolist(), ahead.tolist(), color, width, self._cv.LINE_AA, 0, 0.35)
-        mark = self._around(corners)
+        mark = self._drawn.base(pose, outline, color, max(2, round(2.2 * self._unit)), tip=0.35)
         self._labels.beside(mark, label, color, _OUTSIDE)
         self._labels.taken.append(mark)
 
@@ -206,14 +181,6 @@ class Canvas:
         lines = unseen & hatch(unseen.shape, False, round(26 * self._unit), round(4 * self._unit))
         rgb[unseen] = (rgb[unseen] * 0.86).astype(np.uint8)
         rgb[lines] = (rgb[lines] * 0.84).astype(np.uint8)
-
-    def _px(self, xy: Array) -> NDArray[np.int64]:
-        """(..., 2) pixel columns and rows of world points (..., 2)."""
-        cells = (np.asarray(xy, float) - self._map.origin_m) / self._map.resolution_m
-        pixels: NDArray[np.int64] = np.round(
-            np.stack([cells[..., 0], self._map.occupied.shape[0] - cells[..., 1]], -1) * self._scale
-        ).astype(np.int64)
-        return pixels
 
     def _write(self, rgb: Picture, text: str, at: tuple[int, int], size: float, color: Sequence[int]) -> None:
         font, scale = self._cv.FONT_HERSHEY_SIMPLEX, size * self._unit

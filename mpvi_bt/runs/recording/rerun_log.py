@@ -27,6 +27,7 @@ from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.writing import unwritable
 from mpvi_bt.runs.recording import search_colors as colors
+from mpvi_bt.runs.recording.drawn_map import cells_north_up
 from mpvi_bt.runs.recording.labels import Color
 from mpvi_bt.runs.recording.search_view import Head, SearchView, Window, called, cropped, found, seen_m2
 
@@ -295,9 +296,7 @@ class RerunLog(Watcher):
 
     def _pixels(self, xy: Array) -> Array:
         """(N, 2) column and row in the images of the map, north up, of places (N, 2 or more) [m]."""
-        grid_map = self._part
-        cells = (np.asarray(xy, float)[:, :2] - grid_map.origin_m) / grid_map.resolution_m
-        return np.stack([cells[:, 0], grid_map.occupied.shape[0] - cells[:, 1]], 1)
+        return cells_north_up(self._part, xy)
 
 
 def _png(cells: NDArray[np.uint8]) -> bytes:
