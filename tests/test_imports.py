@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.ground.robot.robots import ROBOTS
-from tests.rooms import MODULES, PACKAGE, PAGE, RANK, imports, page, room_of, rooms_imported
+from tests.rooms import MODULES, PACKAGE, PAGE, RANK, imports, page, parsed, room_of, rooms_imported
 
 # Where a robot stands in if none is named, and what is about one robot; all else asks the robot that is there.
 ROBOTS_OWN = {
@@ -79,6 +80,13 @@ def test_no_two_files_of_the_package_have_one_name() -> None:
     """A trace or an editor's tab that names a file leaves no doubt which it is."""
     names = Counter(path.name for path in MODULES if path.stem not in ("__init__", "__main__"))
     assert [name for name, files in names.items() if files > 1] == []
+
+
+def test_no_two_classes_of_the_package_have_one_name() -> None:
+    """A search for a class, or its name in a message, leads to one place."""
+    nodes = (node for path in MODULES for node in ast.walk(parsed(path)))
+    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
+    assert [name for name, classes in names.items() if classes > 1] == []
 
 
 def test_no_import_runs_back_up() -> None:

@@ -402,7 +402,7 @@ def test_what_a_hand_holds_is_known_again_under_the_next_prompt() -> None:
     def again(phrase: str, off_m: float = 0.0) -> bool:
         seen.forget([phrase])
         off = kin.transform(np.eye(3), (0.0, 0.0, off_m))
-        taken = seen.deeds.taken
+        taken = seen.history.taken
         taken.update({side: (called, shape.moved(off)) for side, (called, shape) in taken.items()})
         look(world, seen)
         return seen.recognized("left")

@@ -108,6 +108,7 @@ MODULES: Mapping[str, str] = {  # modules that went elsewhere than their room, o
     "robot.urdf_writing": "hands.robots.urdf_writing",
     "rules.fire": "house.states.heat",
     "scene.association": "finding.scene.assignment",
+    "scene.deeds": "finding.scene.hand_history",
     "scene.held": "finding.scene.hands",
     "scene.in_hand": "finding.scene.handling",
     "scene.knowledge": "executive.plan.knowledge",

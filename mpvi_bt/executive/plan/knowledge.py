@@ -82,7 +82,7 @@ Thing = TypeVar("Thing", bound=Named)
 
 
 @dataclass
-class Store(Generic[Thing]):
+class NamedThings(Generic[Thing]):
     """Things by name, in the order in which they were found. The navigator has one, and so has a policy that sees."""
 
     entries: dict[str, Thing] = field(default_factory=dict)
@@ -106,7 +106,7 @@ class Store(Generic[Thing]):
         return [entry.name for entry in self if entry.inside == name]
 
 
-class KnowledgeBase(Store[Entry]):
+class KnowledgeBase(NamedThings[Entry]):
     """What is known of rooms, fixtures and objects; `find` answers phrases."""
 
     def drop(self, name: str) -> None:

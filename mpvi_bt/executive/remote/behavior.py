@@ -58,7 +58,7 @@ class Behavior:
             cameras = {camera: matmul(kin.base(pose), T) for camera, T in cameras.items()}
         names = read_names(message[NAMES], NAMES) if NAMES in message else None
         keys = {camera: f"{prefix}::{prefix}:{link}:Camera:0" for camera, link in LINKS.items()}
-        images = Pictures(
+        images = LazyPictures(
             {
                 camera: self._picture(message, key, camera, robot, cameras[camera], names)
                 for camera, key in keys.items()
@@ -176,7 +176,7 @@ class Behavior:
         return make
 
 
-class Pictures(Mapping[str, CameraImage]):
+class LazyPictures(Mapping[str, CameraImage]):
     """Pictures that are made when somebody looks: of most steps nobody looks at any.
 
     Args:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.finding.scene.deeds import Deeds
 from mpvi_bt.finding.scene.frames import SEEN_PX, Frame, Pictures
+from mpvi_bt.finding.scene.hand_history import HandHistory
 from mpvi_bt.finding.scene.hands import TOUCH, Hand, falls_into
 from mpvi_bt.finding.scene.remembered import Remembered
 from mpvi_bt.finding.scene.seen_parts import SeenParts
@@ -64,11 +64,11 @@ class Handling:
     """Keeps a store of things up to date with what the hands do."""
 
     def __init__(
-        self, things: ThingStore, pictures: Pictures, parts: SeenParts, deeds: Deeds, remembered: Remembered
+        self, things: ThingStore, pictures: Pictures, parts: SeenParts, history: HandHistory, remembered: Remembered
     ) -> None:
-        """Change `things` and note `deeds`; what goes along with a hand leaves `pictures` and `remembered` surfaces."""
+        """Change `things` and note `history`; a payload leaves `pictures` and `remembered` surfaces."""
         self._things, self._pictures, self._parts = things, pictures, parts
-        self._hands, self._deeds, self._remembered = things.hands, deeds, remembered
+        self._hands, self._history, self._remembered = things.hands, history, remembered
         self._shown: dict[Hand, InHand] = {}  # what was first seen in a hand
 
     def feel(self, felt: Proprioception) -> None:
@@ -111,21 +111,21 @@ class Handling:
         for side in SIDES:
             if (name := self._hands.held(side)) is not None:
                 shape = self._things.shape(name).moved(kin.inverse(self._hands.tcps(side)[0]))
-                self._deeds.taken[side] = self._things[name].phrase, shape
+                self._history.taken[side] = self._things[name].phrase, shape
         for hand in self._hands.grips:
             self._hands.take(hand, None)
 
     def recognized(self, side: Side) -> bool:
         """Whether what a hand holds is known from when it was taken, and need not be shown from all sides."""
         known = self._hands.held(side) is not None
-        return known and side in self._deeds.taken and side not in self._shown
+        return known and side in self._history.taken and side not in self._shown
 
     def _recognize(self, side: Side, thing: SeenThing) -> bool:
         """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now.
 
         Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
         """
-        phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
+        phrase, shape = self._history.taken.get(side, ("", thing.shape))
         now = shape.moved(self._hands.tcps(side)[0])
         points = np.concatenate([np.empty((0, 3)), *(frame.of(mask) for frame, mask in thing.views)])
         if phrase != thing.phrase or shape.kind == "vessel" or not is_of(points, now):
@@ -148,7 +148,7 @@ class Handling:
         thing.inside, thing.shape = None, shape  # its views stay: where it stood it stands no more
         for n in (name, *self._things.within(name)):
             self._hands.load(hand, n, shape if n == name else self._things.shape(n))
-        self._deeds.take(hand, thing.phrase, shape.box().mean(0), shape.kind == "vessel")
+        self._history.take(hand, thing.phrase, shape.box().mean(0), shape.kind == "vessel")
 
     def _nearest(self, hand: Hand) -> str | None:
         """The thing that a hand has closed on; None if no thing is near it.
@@ -201,15 +201,15 @@ class Handling:
         name = self._hands.release(hand).name
         self._shown.pop(hand, None)
         if name is not None and (taker := self._hands.holder(name)) is not None:
-            self._deeds.pass_on(hand, taker)
+            self._history.pass_on(hand, taker)
         elif name is not None and name in self._things and self._hands.felt is not None:
             thing = self._things[name]
             thing.views = []
             dropped = hand != "both" and self._hands.felt.gripper_width[hand] <= EMPTY_M
             if not dropped:
                 self._fall(thing)
-            self._deeds.put_down(hand, thing.phrase, self._things.shape(name).box(), dropped)
-        self._deeds.empty(hand)
+            self._history.put_down(hand, thing.phrase, self._things.shape(name).box(), dropped)
+        self._history.empty(hand)
 
     def _fall(self, thing: SeenThing) -> None:
         """What was let go of falls into what is below it, if that is open there."""
@@ -225,7 +225,7 @@ class Handling:
         self._things.put_into(thing, other.name)
         if other.shape.kind == "vessel":
             middle: Array = self._things.shape(other.name).box().mean(0)
-            self._deeds.fill(thing.phrase, middle, self._hands.holder(other.name))
+            self._history.fill(thing.phrase, middle, self._hands.holder(other.name))
 
 
 class InHand:

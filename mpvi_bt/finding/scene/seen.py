@@ -8,9 +8,9 @@ from typing import Literal
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
 from mpvi_bt.finding.perception.detector import Detector
 from mpvi_bt.finding.scene.associator import Associator
-from mpvi_bt.finding.scene.deeds import Deeds
 from mpvi_bt.finding.scene.frames import Pictures
 from mpvi_bt.finding.scene.free_space import FreeSpace, Standing
+from mpvi_bt.finding.scene.hand_history import HandHistory
 from mpvi_bt.finding.scene.handling import Handling
 from mpvi_bt.finding.scene.hands import HandTracker
 from mpvi_bt.finding.scene.mount_pose import Mount
@@ -25,12 +25,12 @@ class Seen:
     """A `mpvi_bt.finding.scene.scene.Scene` of pictures.
 
     Pictures and proprioception go to `Associator` and `Handling`, which change the store of things. `SeenParts` and
-    `FreeSpace` answer questions about it. All but `deeds` and what stands around begins anew with each prompt.
+    `FreeSpace` answer questions about it. All but `history` and what stands around begins anew with each prompt.
 
     Attributes:
         things: What was seen or felt since the last prompt began.
         space: What is in the way.
-        deeds: What the hands have done under any prompt.
+        history: What the hands have done under any prompt.
     """
 
     needs_looks = True
@@ -39,7 +39,7 @@ class Seen:
     def __init__(self, detector: Detector, standing: Standing | None = None) -> None:
         """See through `detector`; `standing` tells what stands where no picture that was taken in here looks."""
         self._detector, self._standing = detector, standing
-        self._hands, self._remembered, self.deeds = HandTracker[Shape](), Remembered(), Deeds()
+        self._hands, self._remembered, self.history = HandTracker[Shape](), Remembered(), HandHistory()
         self._begin(())
 
     def forget(self, phrases: Iterable[str]) -> None:
@@ -54,12 +54,12 @@ class Seen:
         self.things = things = ThingStore(self._hands)
         self._pictures = pictures = Pictures(self._detector, phrases)
         parts = SeenParts(things, pictures)
-        self._handling = Handling(things, pictures, parts, self.deeds, self._remembered)
+        self._handling = Handling(things, pictures, parts, self.history, self._remembered)
         self._associator = Associator(things, phrases, parts, self._handling)
         self.space = FreeSpace(things, pictures, parts, self._remembered, self._standing)
         self.pose, self.solids, self.body, self.volumes = parts.pose, parts.solids, parts.body, parts.volumes
         self.handles, self.doors, self.switches, self.is_on = parts.handles, parts.doors, parts.switches, parts.is_on
-        self.others, self.within, self.covered = parts.others, things.within, self.deeds.covered
+        self.others, self.within, self.covered = parts.others, things.within, self.history.covered
         self.obstacles, self.passable = self.space.obstacles, self.space.passable
         self.spots, self.trusting = self.space.spots, self.space.trusting
         self.recognized = self._handling.recognized
@@ -90,8 +90,8 @@ class Seen:
     def _entry(self, thing: SeenThing) -> Entry:
         low, high = self.things.shape(thing.name).box()
         held = self.things.is_carried(thing)
-        laid = not held and self.deeds.is_laid(thing.phrase, (low + high) / 2)
-        put = self.deeds.put_into((low + high) / 2) if thing.shape.kind == "vessel" and not held else ()
+        laid = not held and self.history.is_laid(thing.phrase, (low + high) / 2)
+        put = self.history.put_into((low + high) / 2) if thing.shape.kind == "vessel" and not held else ()
         kind: Literal["fixture", "object"] = "fixture" if thing.shape.kind == "furniture" else "object"
         return Entry(thing.name, (thing.phrase,), kind, low, high, source=self._detector.name, held=held,
                      inside=thing.inside, laid=laid, filled=tuple(put))  # fmt: skip
@@ -110,4 +110,4 @@ class Seen:
 
     def laden(self, name: str) -> bool:
         """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
-        return bool(self.within(name)) or any(self._hands.held(hand) == name for hand in self.deeds.laden)
+        return bool(self.within(name)) or any(self._hands.held(hand) == name for hand in self.history.laden)

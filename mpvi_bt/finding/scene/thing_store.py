@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mpvi_bt.executive.plan.knowledge import Store
+from mpvi_bt.executive.plan.knowledge import NamedThings
 from mpvi_bt.finding.scene.hands import HandTracker
 from mpvi_bt.finding.scene.several_views import View
 from mpvi_bt.finding.shapes.shape import Shape
@@ -40,7 +40,7 @@ class SeenThing:
     lowest_m: float = np.inf
 
 
-class ThingStore(Store[SeenThing]):
+class ThingStore(NamedThings[SeenThing]):
     """Things by name, and which of them the hands hold. It decides nothing: others add, replace and drop things.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""What the hands have done under any prompt: what they hold, and what they put where."""
+"""History of the hands across prompts: what they hold, and where they put things."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PLACES = PlaceParameters()
 
 
 @dataclass(eq=False)
-class Deeds:
+class HandHistory:
     """Kept from prompt to prompt, where things that are only seen are numbered anew. Places are in the world [m].
 
     Attributes:
