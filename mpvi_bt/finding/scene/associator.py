@@ -1,4 +1,4 @@
-"""Which mask of a picture is which known thing: told by where it is, for a detector's masks carry no names."""
+"""Matches the masks of a picture to known things by place, because a detector's masks carry no names."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ class Associator:
     """Keeps a store of things up to date with pictures."""
 
     def __init__(self, things: ThingStore, phrases: Collection[str], parts: SeenParts, handling: Handling) -> None:
-        """Change `things`: those that `phrases` name; what hands hold is left to `handling`."""
+        """Update the `things` that `phrases` name. `handling` updates payloads."""
         self._things, self._phrases, self._parts, self._handling = things, phrases, parts, handling
 
     def associate(self, frame: Frame) -> None:
-        """Tell which mask is which thing, by place; what should be seen and is not is gone."""
+        """Match the masks of a picture to things, and forget things that the picture shows to be gone."""
         for phrase in dict.fromkeys(d.phrase for d in frame.detections if d.phrase in self._phrases):
             self._match(phrase, frame)
         for thing in [t for t in self._things if not (t.views and t.views[-1][0] is frame)]:
@@ -80,7 +80,7 @@ class Associator:
         self._merge()
 
     def fill_vessels(self) -> None:
-        """What is seen in a vessel is in it."""
+        """Put things into the vessels that they are seen in."""
         for thing in self._things:
             held = thing.name in self._things.hands.names()
             if thing.inside is None and not held and thing.shape.kind != "furniture":
@@ -90,7 +90,7 @@ class Associator:
                     self._things.put_into(thing, vessel.name)
 
     def loose(self, frame: Frame) -> NDArray[np.bool_]:
-        """(H, W) bool: where a picture shows what was asked for, but for furniture: that stays where it is."""
+        """(H, W) bool: pixels of the named things that may be moved. Furniture stays where it is."""
         fixed = [m for t in self._things if t.shape.kind == "furniture" for f, m in t.views if f is frame]
         named = np.any([np.zeros(frame.robot.shape, bool), *(s.mask for s in frame.detections)], axis=0)
         return np.asarray(named & ~np.any([np.zeros(frame.robot.shape, bool), *fixed], axis=0))
@@ -98,7 +98,7 @@ class Associator:
     # ------------------------------------------------------------------------------------------ matching
 
     def _match(self, phrase: str, frame: Frame) -> None:
-        """Update the things that a phrase names by their masks, and add new ones."""
+        """Update the things of one phrase by their masks, and add new things."""
         masks = [d.mask for d in frame.detections if d.phrase == phrase]
         seen = [(mask, points) for mask in masks if len(points := main_cluster(frame.of(mask))) >= SEEN_PX]
         known = [t for t in self._things if t.phrase == phrase]
@@ -114,7 +114,7 @@ class Associator:
     def _add(
         self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array, left: list[SeenThing]
     ) -> None:  # fmt: skip
-        """Take a mask for one of the things `left` over that was opened since, or else for a new thing."""
+        """Update one of the things `left` that was opened since, or add a new thing."""
         opened = next((t for t in left if self._opened(t, points)), None)
         if opened is None:
             self._discover(phrase, frame, mask, points)
@@ -142,9 +142,9 @@ class Associator:
         return misfits
 
     def _opened(self, thing: SeenThing, points: Array) -> bool:
-        """Whether points (n, 3) may be those of a thing that was closed and of which a door stands open now.
+        """Whether points (n, 3) may belong to a thing that was opened since.
 
-        Of what was known by its front alone, most of what shows then is far from that: its door, and what is behind.
+        If only the front of the thing was known, most new points are far from it: they show the door and the inside.
         """
         rooms = [to_and_behind(door) for door in self._parts.doors(thing.name)]
         return bool(rooms) and float(np.median(Surroundings(rooms).distance(points))) < _TRACK.near_m
@@ -161,7 +161,7 @@ class Associator:
             self._things.put(SeenThing(name, phrase, shape, [view], inner, lowest_m=shape.support_m))
 
     def _update(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
-        """See a thing again; what is in hand is known better by the hand."""
+        """Update a thing by a new view."""
         held = self._things.hands.names()
         if thing.name in held:
             self._handling.see_payload(thing, frame, mask)
@@ -171,7 +171,7 @@ class Associator:
             self._update_standing(thing, frame, mask)
 
     def _update_carried(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
-        """See a thing in a container that a hand holds: it has come along, and older views show where it was."""
+        """Update a thing in a container that a hand holds. Older views show where it was before."""
         thing.views = [(frame, mask)]
         shape = fitted(thing.views, thing.shape.support_m)
         if shape is not None and not self._lies_in(shape, str(thing.inside)):
@@ -179,7 +179,7 @@ class Associator:
             self._things.hands.take_out(thing.name)
 
     def _update_standing(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
-        """See a thing again that no hand carries."""
+        """Update a thing that no hand carries."""
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _TRACK.recent_m][-5:]
         thing.views.append((frame, mask))
         here = [v for v in thing.views if v[0].stand == frame.stand]
@@ -196,14 +196,14 @@ class Associator:
             self._things.put_into(thing, container)
 
     def _fitted(self, thing: SeenThing, here: list[View]) -> Shape | None:
-        """The shape that the views from `here` agree on, or all views where something hides a part now."""
+        """The shape by the views from `here`; by all views if something hides a part of the thing now."""
         shape = fitted(here, thing.shape.support_m)
         if len(here) < len(thing.views) and (shape is None or shrunk(shape, thing.shape)):
             return fitted(thing.views, thing.shape.support_m) or shape
         return shape
 
     def _is_gone(self, thing: SeenThing, frame: Frame) -> bool:
-        """Whether a picture shows what is behind a thing; what is hollow may be seen through to its floor."""
+        """Whether a picture shows the background behind a thing. A hollow thing may be seen down to its floor."""
         if self._things.is_carried(thing) or thing.shape.extent is not None:
             return False
         depths = frame.depth_at(self._things.shape(thing.name).box().mean(0))
@@ -211,7 +211,7 @@ class Associator:
         return depths is not None and depths[1] > depths[0] + through + DEPTH_NOISE.smoothed_m * depths[0] ** 2
 
     def _merge(self) -> None:
-        """Keep one of two things that turn out to be one: the one that the head has seen more often."""
+        """Merge things that turn out to be one. The thing that the head has seen more often stays."""
         still = [t for t in self._things if not self._things.is_carried(t)]
         known = sorted(still, key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
         for k, thing in enumerate(known):
@@ -223,16 +223,16 @@ class Associator:
     # ------------------------------------------------------------------------------------------ what is in what
 
     def _holds(self, vessel: SeenThing, thing: SeenThing) -> bool:
-        """Whether a vessel is so much larger, seen from above, that a thing may be in it.
+        """Whether a vessel is large enough, seen from above, to contain a thing.
 
-        One basket may be known by two phrases of a prompt, as two things in one place: neither is in the other.
+        Two phrases of a prompt may name one basket. Then it is known as two things, and neither contains the other.
         """
         boxes = [self._things.shape(t.name).box() for t in (vessel, thing)]
         outer, inner = (float(np.prod(np.ptp(box, axis=0)[:2])) for box in boxes)
         return vessel is not thing and outer > TOUCH.outer * inner
 
     def _lies_in(self, shape: Shape, container: str) -> bool:
-        """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
+        """Whether a shape is in a container. The depth of a container in a hand may be out of view."""
         if container not in self._things:  # it was forgotten, not what was in it
             return False
         aside, above = _TRACK.inside_m
@@ -243,7 +243,7 @@ class Associator:
 
 
 def apart(part: Array, whole: cKDTree) -> float:
-    """How far points (n, 3) of a part of a thing are from all points of it [m], the median."""
+    """Median distance of points (n, 3) of a part to all points of the thing [m]."""
     sample = part[:: max(1, len(part) // _SAME.sampled)]
     return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
 

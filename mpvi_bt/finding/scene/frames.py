@@ -159,7 +159,7 @@ class Pictures:
         return here[-_KEEPING.carved :]
 
     def before(self) -> list[Frame]:
-        """The newest pictures of the head from other places near by: from here less may be in view than on the way."""
+        """The newest pictures of the head from other places near by, which may show more than those from here."""
         here = self.here()
         stand = here[-1].stand if here else self.stand
         return [f for f in self.passed() if f.stand != stand][-_KEEPING.carved :]

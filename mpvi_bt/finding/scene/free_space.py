@@ -43,7 +43,7 @@ _SPACE = SpaceParameters()
 
 
 class FreeSpace:
-    """What is in the way and where there is room, by pictures, the shapes of things, and what is remembered.
+    """Obstacles and free places, by pictures, the shapes of things, and remembered surfaces.
 
     Attributes:
         focus: (3,) the place of work: obstacles are seen more finely around it. None until there is one.
@@ -62,7 +62,7 @@ class FreeSpace:
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:
-        """While this lasts, what lies hidden well behind surfaces is not taken for solid; `remembering` as `Scene`."""
+        """While this lasts, hidden space well behind surfaces is free; `remembering` as `Scene` says."""
         self._trusting, self._remembering = True, remembering
         try:
             yield
@@ -74,7 +74,7 @@ class FreeSpace:
     def obstacles(
         self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
     ) -> Obstacles:
-        """As `Scene` says: what the pictures from this place do not show to be free, and what else is known."""
+        """As `Scene` says: what the pictures from this place do not show to be free, and known things out of view."""
         if beside is not None:
             without = {*without, beside}
         self._look_closely(xy, without, beside)
@@ -86,7 +86,7 @@ class FreeSpace:
         return Together([self._field[1], Surroundings(self._unseen(without))])
 
     def _look_closely(self, xy: Array, without: Collection[str], beside: str | None) -> None:
-        """Set the focus to the smallest thing that is worked on, or to the foot of what something is put beside."""
+        """Focus on the smallest thing that is worked on, or on the foot of furniture that something is put beside."""
         names = [n for n in sorted(without) if n in self._things and n not in self._things.hands.names()]
         if names:  # a thing, not what it lies on
             boxes = [self._things.shape(n).box() for n in names]
@@ -96,7 +96,7 @@ class FreeSpace:
             self.focus = np.append(np.clip(xy, low[:2], high[:2]), low[2])
 
     def _carved(self, xy: Array, without: Collection[str], beside: str | None) -> Obstacles:
-        """What pictures show to be in the way around a place, more finely around the focus."""
+        """The obstacles that pictures show around a place, finer around the focus."""
         told = {*without, *self._furniture()}
         explaining = [*(() if beside is None else self._parts.body(beside)), *self._explaining(told)]
         views, before = (
@@ -111,7 +111,7 @@ class FreeSpace:
         return FineField(coarse, Field(views, self.focus, size_m, cell_m, cell_m / 2, thick, before, known))
 
     def _unseen(self, without: Collection[str]) -> list[Solid]:
-        """The solids of things that the pictures from here do not show in full."""
+        """The solids of things that the pictures from here do not fully show."""
         furniture = self._furniture()
         flat = {n for n in furniture if bounds(self._parts.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
         left_out = {*without, *flat, *self._things.hands.names()}
@@ -123,7 +123,7 @@ class FreeSpace:
         ]
 
     def _hides(self, thing: SeenThing, furniture: Collection[str]) -> bool:
-        """Whether a thing has parts that the pictures from here do not show, and stands where it is known to stand."""
+        """Whether a thing at a known place has parts that the pictures from here do not show."""
         if thing.inside is not None and not (thing.stands and thing.inside in furniture):
             return False
         shown = any(f is g for f, _ in thing.views for g in self._pictures.here())
@@ -150,7 +150,7 @@ class FreeSpace:
         return stays, shown
 
     def passable(self) -> Obstacles:
-        """What the base must not drive into, by all pictures of the last meter; what none of them shows is free."""
+        """Obstacles of the base, by all pictures of the last meter. What no picture shows is free."""
         hands = self._things.hands
         assert hands.felt is not None
         held, explaining = hands.names(), self._explaining(hands.names())
@@ -160,7 +160,7 @@ class FreeSpace:
     # ------------------------------------------------------------------------------------------ level faces
 
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
-        """As `Scene` says: on the largest horizontal face that is seen of it, by distance to its edge and to things."""
+        """As `Scene` says: on the level faces that pictures show, by distance to edges and to other things."""
         thing = self._things[surface]
         views = self._parts.head_views(thing)
         if not views:
@@ -216,6 +216,6 @@ class FreeSpace:
 
 
 def _lowest(solids: Sequence[Solid]) -> list[Solid]:
-    """Those that reach down as far as any, but for a hand's breadth."""
+    """The solids that begin within `foot_m` of the lowest point."""
     least = min(s.aabb()[0, 2] for s in solids)
     return [s for s in solids if s.aabb()[0, 2] < least + _SPACE.foot_m]

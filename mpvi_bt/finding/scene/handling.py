@@ -1,4 +1,4 @@
-"""What the hands do to things: which one they take, how it looks in the hand, and where they leave it."""
+"""What the hands do to things: which thing they take, what it looks like in the hand, and where they leave it."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Handling:
     def __init__(
         self, things: ThingStore, pictures: Pictures, parts: SeenParts, history: HandHistory, remembered: Remembered
     ) -> None:
-        """Change `things` and note `history`; a payload leaves `pictures` and `remembered` surfaces."""
+        """Update `things` and `history`. Payloads are removed from `pictures` and from `remembered` surfaces."""
         self._things, self._pictures, self._parts = things, pictures, parts
         self._hands, self._history, self._remembered = things.hands, history, remembered
         self._shown: dict[Hand, InHand] = {}  # what was first seen in a hand
@@ -80,7 +80,7 @@ class Handling:
                 self._release(hand)
 
     def find_payloads(self, felt: Proprioception) -> None:
-        """Let hands whose payload nobody knows hold what pictures have now shown in them."""
+        """Match unknown payloads to the things that pictures have shown in the hands since."""
         for hand in [h for h, grip in self._hands.grips.items() if grip.name is None]:
             self._take(hand)
             if hand != "both" and (name := self._hands.held(hand)) is not None:
@@ -92,7 +92,7 @@ class Handling:
                 thing.views = []
 
     def see_payload(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
-        """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
+        """Add a view of a payload. Its pixels count as the robot's; it improves a shape first seen in the hand."""
         for hand, shown in self._shown.items():
             if self._hands.held(hand) == thing.name:
                 T = self._hands.tcps(hand)[0]
@@ -107,7 +107,7 @@ class Handling:
     # ------------------------------------------------------------------------------------------ from prompt to prompt
 
     def keep_payloads(self) -> None:
-        """Note what the hands hold, before the things are forgotten: it is recognized once it is seen again."""
+        """Remember the payloads before all things are forgotten, so that they are recognized later."""
         for side in SIDES:
             if (name := self._hands.held(side)) is not None:
                 shape = self._things.shape(name).moved(kin.inverse(self._hands.tcps(side)[0]))
@@ -116,14 +116,14 @@ class Handling:
             self._hands.take(hand, None)
 
     def recognized(self, side: Side) -> bool:
-        """Whether what a hand holds is known from when it was taken, and need not be shown from all sides."""
+        """Whether the shape of a payload is known from an earlier prompt, so that no further view is needed."""
         known = self._hands.held(side) is not None
         return known and side in self._history.taken and side not in self._shown
 
     def _recognize(self, side: Side, thing: SeenThing) -> bool:
-        """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now.
+        """Use the shape of a payload from an earlier prompt, unless the payload looks different now.
 
-        Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
+        Vessels are viewed again: they swing by their rims and bails, and things have to fall into them.
         """
         phrase, shape = self._history.taken.get(side, ("", thing.shape))
         now = shape.moved(self._hands.tcps(side)[0])
@@ -137,7 +137,7 @@ class Handling:
     # ------------------------------------------------------------------------------------------ taking
 
     def _take(self, hand: Hand) -> None:
-        """A hand has closed on something, or both press something: the nearest thing, if one is known near it."""
+        """Let a hand, or both hands, hold the nearest known thing."""
         name = self._nearest(hand)
         if name is None:
             self._hands.take(hand, None)
@@ -153,7 +153,7 @@ class Handling:
     def _nearest(self, hand: Hand) -> str | None:
         """The thing that a hand has closed on; None if no thing is near it.
 
-        What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
+        A thing in a vessel may be nearer than the vessel's wall, but it is too small to keep the fingers apart.
         """
         T, near = self._hands.tcps(hand), []
         for thing in self._things:
@@ -167,7 +167,7 @@ class Handling:
         return min(near)[2] if near else None
 
     def _between_fingers(self, hand: Hand, name: str) -> Shape:
-        """The shape of a thing that a hand takes: fingers that close bring it between them."""
+        """The shape of a thing in the hand. Closing fingers move it to their middle."""
         T, shape = self._hands.tcps(hand), self._things.shape(name)
         if hand == "both" or shape.kind == "vessel" or self._hands.holder(name) is not None:
             return shape
@@ -177,7 +177,7 @@ class Handling:
         return shape.moved(kin.transform(np.eye(3), -aside * T[0, :3, 1]))
 
     def _take_along(self, vessel: SeenThing) -> None:
-        """What pictures show in a vessel that a hand takes is as good as a part of the robot: it goes along."""
+        """Count the contents of a vessel that a hand takes as pixels of the robot, because they move along."""
         others = [s for name in self._parts.others(vessel.name) for s in self._parts.solids(name)]
         if not others:
             return
@@ -194,7 +194,7 @@ class Handling:
     # ------------------------------------------------------------------------------------------ letting go
 
     def _release(self, hand: Hand) -> None:
-        """A hand has let go: what it held is where it was held, or has fallen into what is below it."""
+        """Leave a payload where a hand has released it, or in the container below."""
         for n in self._hands.grips[hand].loads:
             if n in self._things:
                 self._things[n].shape = self._things.shape(n)
@@ -212,7 +212,7 @@ class Handling:
         self._history.empty(hand)
 
     def _fall(self, thing: SeenThing) -> None:
-        """What was let go of falls into what is below it, if that is open there."""
+        """Let a released thing fall into the open container below it."""
         others = [other for other in self._things if other is not thing]
         rooms = [(other, volume.aabb()) for other in others for volume in self._parts.volumes(other.name)]
         low, high = thing.shape.box()
@@ -229,20 +229,20 @@ class Handling:
 
 
 class InHand:
-    """Points of one held thing, gathered in the frame of the hand: they stay where they are as the hand moves."""
+    """Points of one payload, in the frame of the hand."""
 
     def __init__(self, width_m: float) -> None:
-        """Nothing seen yet but, by how far the fingers stand apart, that it reaches from the one to the other."""
+        """Begin with the points between the fingers, which stand `width_m` apart."""
         at = np.stack(np.meshgrid([-0.008, 0.0, 0.008], [-width_m / 2, 0.0, width_m / 2], [0.0]), -1)
         self._points: list[Array] = [at.reshape(-1, 3)]
         self._eyes: list[Array] = []  # of the head, in the hand's frame
 
     def add(self, frame: Frame, mask: NDArray[np.bool_], T_world_tcp: Array) -> None:
-        """Take in one picture of it, with the hand as it was when the picture was taken."""
+        """Add one picture, taken with the hand at `T_world_tcp` (4, 4)."""
         self.take_in(frame.of(mask), frame.eye if frame.image.camera == "head" else None, T_world_tcp)
 
     def take_in(self, points: Array, eye: Array | None, T_world_tcp: Array) -> None:
-        """Take in points (n, 3) of it in the world; `eye` (3,) is where the head's camera was, if it saw them."""
+        """Add points (n, 3) in the world; `eye` (3,) is the place of the head's camera if it saw them."""
         T = kin.inverse(T_world_tcp)
         points = matmul(points, T[:3, :3].T) + T[:3, 3]
         points = points[norm(points, axis=1) < _HOLDING.reach_m]  # fingers part what they hold in two
@@ -253,7 +253,7 @@ class InHand:
             self._eyes = [*self._eyes[1 - _HOLDING.kept :], matmul(T[:3, :3], eye) + T[:3, 3]]
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
-        """What it is, for the hand where it is now; None if too little was seen.
+        """The shape of the payload, with the hand at `T_world_tcp` now; None if too little was seen.
 
         It is taken to be held upright, unless it is long and seen to hang on a slant: a bottle turns about the fingers.
         """
@@ -280,7 +280,7 @@ def _slant(points: Array) -> Array:
 
 
 def is_of(points: Array, shape: Shape) -> bool:
-    """Whether points (n, 3) of what is seen in a hand are those of a shape: it has not slipped or turned there."""
+    """Whether points (n, 3) of a payload lie on a shape: it has not slipped or turned in the hand."""
     if len(points) < SEEN_PX:
         return False
     gaps = np.abs(Surroundings(shape.solids).distance(main_cluster(points)))

@@ -1,7 +1,7 @@
-"""What the hands hold: which thing, told by touch, and its solids as skills and collision checks need them.
+"""What the hands hold, told by touch: the name of the payload, its place, and its solids for skills.
 
-A payload moves with the hand, and stays where the hand lets go of it. `handling` (for a policy) and `carrying` (for the
-navigator) decide which of the things that each knows it is.
+A payload moves with the hand and stays where the hand releases it. `handling` (for a policy) and `carrying` (for the
+navigator) decide which known thing it is.
 """
 
 from __future__ import annotations
@@ -86,9 +86,9 @@ class Grip(Generic[Body]):
 
 
 class HandTracker(Generic[Body]):
-    """Tells by proprioception alone when hands take and let go, and where what they carry is.
+    """Tells by proprioception alone when hands take and release something, and where their payloads are.
 
-    Which thing it is that they take says who knows things.
+    It does not decide which thing a hand takes: `take` is told.
 
     Attributes:
         grips: What each hand, and both between them, hold.
@@ -138,23 +138,23 @@ class HandTracker(Generic[Body]):
         return self._tcps[hand]
 
     def take(self, hand: Hand, name: str | None) -> None:
-        """Know which thing a hand holds, None: one that nobody knows; `load` says where it is."""
+        """Let a hand hold a thing; None: an unknown one. `load` says where it is."""
         if name is not None:
             self.take_out(name)
         self.grips[hand] = Grip(name)
 
     def take_out(self, name: str) -> None:
-        """Know a thing to be carried no more in what hands hold."""
+        """A thing is no longer in what hands hold."""
         for grip in self.grips.values():
             if grip.name != name:
                 grip.loads.pop(name, None)
 
     def load(self, hand: Hand, name: str, body: Body) -> None:
-        """Know a thing, which is as `body` says now, to be carried by what a hand does from now on."""
+        """A thing, which is as `body` says now, moves with a hand from now on."""
         self.grips[hand].loads[name] = Carried(body, kin.inverse(self.tcps(hand)[0]))
 
     def release(self, hand: Hand) -> Grip[Body]:
-        """Know a hand to hold nothing any more. Returns what it held, with what that was when it was taken."""
+        """A hand holds nothing any more. Returns what it held, as that was when it was taken."""
         return self.grips.pop(hand)
 
     def held(self, hand: Hand) -> str | None:
@@ -178,7 +178,7 @@ class HandTracker(Generic[Body]):
 
 
 def falls_into(center: Array, rooms: Sequence[Array]) -> int | None:
-    """Index of the room in which a thing comes to lie that hands let go of: the highest one that is open below it.
+    """Index of the room that a released thing falls into: the highest one that is open below it.
 
     Args:
         center: (3,) the thing's middle.
@@ -210,7 +210,7 @@ class Held:
 
     @classmethod
     def of(cls, scene: Scene, side: Side, T_world_tcp: Array) -> Held | None:
-        """What a hand, which is at `T_world_tcp` (4, 4) now, holds with what lies in it; None: nothing."""
+        """The payload of a hand at `T_world_tcp` (4, 4), with its contents; None if the hand is empty."""
         if (name := scene.holding(side)) is None:
             return None
         frame = kin.inverse(T_world_tcp)

@@ -43,9 +43,9 @@ class Seen:
         self._begin(())
 
     def forget(self, phrases: Iterable[str]) -> None:
-        """Begin anew, with no thing known; from now on look for `phrases`, of which no two mean the same things.
+        """Forget all things and look for `phrases` from now on, of which no two mean the same things.
 
-        What a hand holds is known again once it is seen there.
+        A payload is known again once a picture shows it in the hand.
         """
         self._handling.keep_payloads()
         self._begin(tuple(dict.fromkeys(phrases)))

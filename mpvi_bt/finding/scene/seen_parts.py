@@ -1,4 +1,4 @@
-"""What pictures show of single things: their solids, what opens of them, their switches, and what lies in vessels."""
+"""What pictures show of single things: their solids, doors, switches and contents."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class SeenParts:
         return self._things.shape(name).solids
 
     def body(self, name: str) -> Sequence[Solid]:
-        """Of furniture all that its views show, with the trunk below a crown and the side of a bed."""
+        """The solids of a thing; of furniture from all views, with the trunk below a crown and the side of a bed."""
         thing = self._things[name]
         views = [(f, m) for f, m in self.head_views(thing) if f.of(m).size]
         if thing.shape.kind != "furniture" or not views:
@@ -81,7 +81,7 @@ class SeenParts:
         return known[1] or self.solids(name)
 
     def head_views(self, thing: SeenThing) -> list[View]:
-        """The views of a thing, and of the room in it, that the head has taken."""
+        """The head's views of a thing and of the room inside it."""
         before = [(f, m) for f, m in thing.inner if all(f is not g for g, _ in thing.views)]
         return [(f, m) for f, m in (*before, *thing.views) if f.image.camera == "head"]
 
@@ -106,12 +106,12 @@ class SeenParts:
         return [*own, *(inner for door in self.doors(name) if (inner := within_drawer(door)) is not None)]
 
     def others(self, name: str) -> Sequence[str]:
-        """What is seen in a vessel besides known things: all of it as one thing."""
+        """The unknown contents of a vessel, as one thing."""
         vessel = name in self._things and self._things[name].shape.kind == "vessel"
         return [_IN + name] if vessel and name not in self._things.hands.names() else []
 
     def _contents(self, name: str) -> list[Solid]:
-        """The same as solids, from the newest pictures of the head; in a hand it is a part of the vessel."""
+        """The unknown contents as solids, from the newest pictures of the head; none of a vessel in a hand."""
         if not self.others(name):
             return []
         frames, inside = self._pictures.here(), [self._things.shape(n) for n in self._things.within(name)]
@@ -126,7 +126,7 @@ class SeenParts:
     # ------------------------------------------------------------------------------------------ what moves on it
 
     def doors(self, name: str) -> Sequence[Door]:
-        """What stands open, and fronts with bars, by the views of the head from its newest place."""
+        """Open doors, and fronts with bars, by the head's views from the newest place."""
         views = [(f, m) for f, m in self._things[name].views if f.image.camera == "head"]
         if not views:
             return ()
@@ -140,7 +140,7 @@ class SeenParts:
         return known[1]
 
     def leaves(self, name: str) -> list[Solid]:
-        """The solids of what opens of a thing; what stood open, and is out of view now, stands there still."""
+        """The solids of a thing's doors. A door that stood open and is out of view now stands there still."""
         doors, known = self.doors(name), self._doors.get(name)
         now = [(known[0][-1], d) for d in doors if known is not None and d.position > _PART.ajar * d.limit]
         before = [(f, d) for f, d in self._ajar.get(name, []) if not self._gone(d, f) and not _again(d, now)]
@@ -186,7 +186,7 @@ class SeenParts:
             yield from ((frame, d.mask) for _, d in sorted(near, key=lambda n: n[0]))
 
     def whole(self, name: str) -> list[Solid]:
-        """The solids of a thing, of what opens of it and of its switches; none of a thing that is not known."""
+        """The solids of a thing, its doors and its switches; none if the thing is unknown."""
         if name.startswith(_IN):
             return list(self.solids(name))
         if name not in self._things:

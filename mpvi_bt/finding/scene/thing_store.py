@@ -1,4 +1,4 @@
-"""The store of things: what pictures have shown and hands have felt, by name.
+"""The store of things that pictures have shown and hands have felt, by name.
 
 A detector's masks carry no names, so things are known by phrase and number, such as "can of soda 1".
 """
@@ -65,7 +65,7 @@ class ThingStore(NamedThings[SeenThing]):
         return f"{phrase} {self._count[phrase]}"
 
     def put_into(self, thing: SeenThing, container: str) -> None:
-        """A thing, whose shape is known where it is now, is in a container, and goes along with it from now on."""
+        """Put a thing into a container. Its shape is known where it is now; it moves along with the container."""
         thing.inside = container
         if (hand := self.hands.holder(container)) is not None:
             self.hands.load(hand, thing.name, thing.shape)
