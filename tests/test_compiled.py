@@ -63,7 +63,9 @@ def test_what_compiling_takes_is_told_once_and_is_no_part_of_what_is_measured(mo
 @pytest.mark.slow
 def test_a_first_run_says_that_it_compiles_and_how_long_that_took(mpvi: Shell, tmp_path: Path) -> None:
     """With an empty cache a line says so, and the result tells its share; the next run says nothing of it."""
+    (tmp_path / "short.yaml").write_text("tree: short\nroot: {timeout: 1, child: {navigate: radio receiver}}\n")
     command = ["run", "turning_on_radio", "--method", "expert", "--no-watch", "--set", "detector=oracle"]
+    command += ["--tree", "short.yaml"]
     first, second = (mpvi(*command, timeout=300, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
     assert [run.stderr.count("compiling loops for this machine, once") for run in (first, second)] == [1, 0]
     assert ["compiling" in run.stdout for run in (first, second)] == [True, False]

@@ -67,8 +67,9 @@ def test_a_tree_of_ones_own_is_checked_first(tmp_path: Path, monkeypatch: pytest
 
 @pytest.fixture(scope="module")
 def twice() -> tuple[dict[str, Any], dict[str, Any]]:
-    """The same episode, run twice."""
-    return episode.run(CONFIG), episode.run(CONFIG)
+    """The same episode, run twice: a bin and a can are fetched and put together."""
+    config = replace(CONFIG, tree="throw_away_cans", arguments=(("cans", "1"),))
+    return episode.run(config), episode.run(config)
 
 
 @pytest.mark.slow

@@ -439,7 +439,7 @@ def test_an_agent_moves_the_robot(tmp_path: Path) -> None:
 
     async def ask(client: Client) -> None:
         run = (await call(client, "run", task="picking_up_trash", dry=False))["run"]
-        while (await call(client, "progress", wait_s=2))["time_s"] < 5:
+        while (await call(client, "progress", wait_s=2))["time_s"] < 1:
             pass
         assert "interrupted" in (await call(client, "stop", run=run))["outcome"]
 

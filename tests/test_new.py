@@ -181,12 +181,15 @@ def test_a_node_that_is_written_runs(root: Path, mpvi: Shell) -> None:
 
 @pytest.mark.slow
 def test_a_navigator_that_is_written_drives(root: Path, mpvi: Shell) -> None:
-    """By the command in its first lines, which plays an episode."""
+    """By the command in its first lines, which plays an episode; here of a tree that does nothing else."""
     mpvi("new", "navigator", "my_navigator", cwd=root)
     (command,) = [line for line in (root / "my_navigator.py").read_text().splitlines() if line.startswith("mpvi ")]
-    done = mpvi(*command.split()[1:], cwd=root, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "my_navigator:MyNavigator" in next((root / "runs").glob("*_0.json")).read_text()
+    drive = ("--tree", "go_to", "--param", "place=can of soda")
+    done = mpvi(*command.split()[1:], *drive, cwd=root, timeout=600)
+    assert "goal not met; tree succeeded" in done.stdout, done.stdout + done.stderr
+    result = next((root / "runs").glob("*_0.json")).read_text()
+    assert "my_navigator:MyNavigator" in result
+    assert json.loads(result)["agent_distance"]["base"] > 1
 
 
 @pytest.mark.parametrize("kind", ["detector", "navigator", "checker"])

@@ -31,7 +31,14 @@ def _parent() -> socket.socket:
     """The connection to the process that forks; it ends with this one."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
-        subprocess.Popen([sys.executable, "-c", START, str(theirs.fileno())], cwd=ROOT, pass_fds=[theirs.fileno()])
+        command = [sys.executable, "-c", START, str(theirs.fileno())]
+        process = subprocess.Popen(command, cwd=ROOT, pass_fds=[theirs.fileno()])
+
+    def end() -> None:
+        ours.close()
+        process.wait()
+
+    atexit.register(end)
     return ours
 
 
