@@ -49,7 +49,7 @@ def test_what_does_not_exist_is_said_before_the_world_is_built(
     def too_late(*args: Any, **kwargs: Any) -> None:
         raise AssertionError("a world was built")
 
-    monkeypatch.setattr(episode, "World", too_late)
+    monkeypatch.setattr(episode, "begin", too_late)
     with pytest.raises(UserError, match=said.replace("?", r"\?")) as caught:
         episode.run(replace(CONFIG, **changes))
     assert "\n" not in str(caught.value)
@@ -58,7 +58,7 @@ def test_what_does_not_exist_is_said_before_the_world_is_built(
 
 def test_a_tree_of_ones_own_is_checked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A broken tree file is said with its place before a world is built."""
-    monkeypatch.setattr(episode, "World", None)
+    monkeypatch.setattr(episode, "begin", None)
     path = tmp_path / "mine.yaml"
     path.write_text("tree: mine\nroot:\n  navigte: trash can\n")
     with pytest.raises(UserError, match=r"mine\.yaml:3:3"):

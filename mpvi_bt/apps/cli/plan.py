@@ -110,7 +110,7 @@ def _export(tasks: Sequence[str], file: Path, as_json: bool) -> None:
     from mpvi_bt.runs.choices.planning import ground
 
     known = {name: task_named(name) for name in tasks or paths.names("tasks")}
-    places = {task.house: ground(task.house) for task in known.values()}
+    places = {house: ground(house) for house in {task.house for task in known.values()}}
     grounds = {task.plan: places[task.house] for task in known.values()}
     planner = RecordedPlanner()
     plans = [planner.plan(task.plan) for task in known.values()] if tasks else planner.all()
