@@ -264,7 +264,7 @@ def _asked(
     arguments: Mapping[str, Value] | None,
     settings: Mapping[str, Any],
 ) -> tuple[EpisodeConfig, TreeSpec | Plan | None]:
-    """What was asked for, and the tree or the plan that no file holds."""
+    """The request, and the tree or plan that comes from no file."""
     from mpvi_bt.runs.episode.prepare import named
 
     given = tree if isinstance(tree, TreeSpec) else plan if isinstance(plan, Plan) else None

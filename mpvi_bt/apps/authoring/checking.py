@@ -1,4 +1,4 @@
-"""Everything that is wrong with files of any kind that is ours, as `mpvi check` and `mpvi_bt.check` tell it."""
+"""All problems in files of any of our kinds, as `mpvi check` and `mpvi_bt.check` report them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def check_files(given: Iterable[str], task: str | None = None, stdin: str = "") 
 
 
 def _real(file: str) -> str:
-    """The path of a file without links; of a name that no file can have, that name."""
+    """The path of a file without links; an impossible name is returned unchanged."""
     try:
         return os.path.realpath(file)
     except ValueError:
@@ -81,7 +81,7 @@ def _real(file: str) -> str:
 
 
 def below(given: str) -> list[str]:
-    """The file itself, those below a folder that may be ours, in order, or that of the tree of a name.
+    """The files to check: the file itself, our files below a folder in order, or the file of a tree's name.
 
     Raises:
         UserError: There is none.
@@ -185,7 +185,7 @@ def _plan_problems(data: Any, marks: SourceMarks, site: PlanningContext | None) 
 
 
 def _site(name: str) -> PlanningContext:
-    """What trees and plans can name where a task is. Raises as `load_task` and `load_house` do."""
+    """Names for plans and trees in a task. Raises as `load_task` and `load_house` do."""
     from mpvi_bt.house.instances.tasks import load_task
     from mpvi_bt.runs.choices.planning import ground
 

@@ -103,7 +103,7 @@ def _files(folder: str) -> dict[str, Path]:
 
 
 def new_tree(name: str) -> Skeleton:
-    """A tree that drives somewhere, picks something up, and tries again where that fails."""
+    """A tree that drives to a place and picks something up, with a retry."""
     checked_name("tree", name, _files("trees"))
     return Skeleton(
         {f"trees/{name}.yaml": _TREE.format(name=name)},
@@ -230,7 +230,7 @@ def _measured(extent: NDArray[np.float64]) -> str:
 
 
 def _synset(name: str, given: str | None, otherwise: str) -> tuple[str, str]:
-    """BEHAVIOR's name for a thing, and what to say of the choice. Raises UnknownName of one that there is not."""
+    """BEHAVIOR's name for a thing, and a remark on the choice. Raises UnknownName."""
     known = behavior().synsets or frozenset()
     if given is not None and given not in known:
         raise UnknownName("synset", given, known)
@@ -272,7 +272,7 @@ def home() -> Path:
 
 
 def found_by(root: Path) -> str:
-    """The command that has a root found, or "" where it is."""
+    """The command that makes a root known, or "" if it is known."""
     if root.resolve() in [known.resolve() for known in paths.roots()]:
         return ""
     others = os.environ.get("MPVI_PATH", "")

@@ -32,12 +32,12 @@ class File(click.ParamType[str]):
         self.folder = folder
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Files, which the shell knows, then the names that begin so; bash forgets what comes before files."""
+        """File names first, then names with this beginning. In bash the file entry must come first."""
         return [CompletionItem(incomplete, type="file"), *_items(_names(self.folder), incomplete)]
 
 
 class Name(File):
-    """The name of a shipped or own file, which must be there; where `file` is set, a path does as well."""
+    """The name of an existing file, shipped or own; with `file`, a path too."""
 
     name = "name"
 
@@ -63,7 +63,7 @@ class Name(File):
         return value
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The names that begin with what is typed; files too where they do."""
+        """Names with this beginning; also files if paths are allowed."""
         items = super().shell_complete(ctx, param, incomplete)
         return items if self.file else items[1:]
 
@@ -90,7 +90,7 @@ class BackendType(click.ParamType[str]):
         return value
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The names that begin with what is typed, with the colon before an address."""
+        """Names with this beginning, with a colon if an address follows."""
         known = BACKENDS[self.kind].items()
         return _items((f"{n}:" if b.address and not b.optional else n for n, b in known), incomplete)
 
@@ -151,7 +151,7 @@ class Columns(click.ParamType[tuple[str, ...]]):
         return read_columns(value)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Names that begin with what is typed last, behind those that are there."""
+        """Completions for the last name in a comma-separated list."""
         from mpvi_bt.runs.report.chosen_columns import KNOWN
 
         before, comma, _ = incomplete.rpartition(",")
@@ -159,7 +159,7 @@ class Columns(click.ParamType[tuple[str, ...]]):
 
 
 def serve(command: Any) -> Any:
-    """The option that has a page served while the command works; it is None where it is not given."""
+    """The option to serve a page while the command works; None if not given."""
     return click.option(
         "--serve",
         "serve",
@@ -173,7 +173,7 @@ def serve(command: Any) -> Any:
 
 
 def out_folder(default: str, help: str) -> Callable[[Any], Any]:
-    """The option that says where results go."""
+    """The option for the folder of results."""
     kind = click.Path(file_okay=False, path_type=Path)
     return click.option("--out", type=kind, default=default, show_default=True, metavar="DIR", help=help)
 

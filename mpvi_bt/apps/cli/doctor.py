@@ -1,4 +1,4 @@
-"""`mpvi doctor`: what this machine can do, and the command that mends what it cannot."""
+"""`mpvi doctor`: check this machine, and print a command for each problem."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def examine() -> list[Check]:
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object.")
 def doctor(as_json: bool) -> int:
-    """What this machine can do, and the command that mends what it cannot.
+    """Check this machine, and print a command for each problem.
 
     Exit code 0 where an episode can run, 3 where it cannot.
     """
@@ -104,7 +104,7 @@ def _mend(target: str, otherwise: str) -> str:
 
 
 def _guarded(name: str, core: bool, mend: str, look: Callable[[], str]) -> Check:
-    """The check that `look` makes: it says what it found, or raises."""
+    """The check made by `look`, which returns its finding or raises."""
     try:
         return Check(name, True, core, look())
     except UserError as error:  # only settings can be wrong here
@@ -176,7 +176,7 @@ def _key(variable: str) -> Check:
 
 
 def endpoint() -> str:
-    """The host that language models are asked at, without what lets us in."""
+    """The host of the language models, without credentials."""
     if not os.environ.get(BASE_URL):
         return f"{BASE_URL} is not set; language models are OpenAI's own"
     try:

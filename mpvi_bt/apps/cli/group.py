@@ -48,7 +48,7 @@ class LazyGroup(click.Group):
         return _keeping_results(with_examples(command, cmd_name))
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command. Raises what it raises, a broken pipe by a name that click does not know."""
+        """Run the command. Its errors pass through; a broken pipe gets a name unknown to click."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError as error:
@@ -135,7 +135,7 @@ def _say(text: str) -> None:
 
 
 def _usage(error: click.ClickException) -> str:
-    """What was wrong with the words given, and where to read on, in one line."""
+    """The error in the given words, and a hint at the help, in one line."""
     message = " ".join(error.format_message().split())
     context = error.ctx if isinstance(error, click.UsageError) else None
     message = message if message.endswith((".", "?", "!")) else f"{message}."

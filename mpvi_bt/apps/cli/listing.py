@@ -92,7 +92,7 @@ def _files(folder: str) -> dict[str, str]:
 
 
 def _whose(path: Path) -> str:
-    """Where a file lies that does not come with mpvi_bt."""
+    """The place of a file from outside mpvi_bt."""
     return "" if paths.shipped() in path.parents else f" ({path})"
 
 

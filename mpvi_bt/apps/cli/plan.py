@@ -80,7 +80,7 @@ def plan(
 
 
 def _all(planned: Planned, planner: str, out: Path | None) -> dict[str, Any]:
-    """The plan, what post-processing finds in it, and what it took."""
+    """The plan, its post-processing, and the cost of planning."""
     from mpvi_bt.executive.plan.primitives import primitives
     from mpvi_bt.executive.plan.skills import load_skills
     from mpvi_bt.runs.episode.result import Planning

@@ -196,7 +196,7 @@ class Player:
         return self.i
 
     def screen(self, size: os.terminal_size) -> list[str]:
-        """The lines of the present tick, which fit a terminal of that size."""
+        """The lines of the present tick, fitted to the terminal's size."""
         width = min(size.columns, WIDEST)
         trace, i = self._trace, self.i
         tree, states, blackboard = _standing(trace, i)

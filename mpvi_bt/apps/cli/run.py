@@ -187,7 +187,7 @@ def _reloading(page: Page, config: EpisodeConfig) -> Subscriber:
 
 
 def _debugger(page: Page | None, breaks: tuple[str, ...], step: bool, stop: Stop) -> Subscriber:
-    """What pauses the run; where a page is served, that can answer too."""
+    """The debugger of the run. With a served page, the page can answer it too."""
     from mpvi_bt.executive.ticking.debugger import Debugger
 
     if page is None:

@@ -1,4 +1,4 @@
-"""What a person wants to know of a run that has ended, in lines of at most 80 columns."""
+"""Summary of a finished run, in lines of at most 80 columns."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
 def brief_score(
     result: Mapping[str, Any], dry: bool = True, trace: Path | None = None, saved: Path | None = None
 ) -> str:
-    """The same of a run that nobody measures: a dry one, or one that an exception ended."""
+    """The summary of a run without a score: a dry run, or one ended by an exception."""
     verdict = "FINISHED" if result["success"] and result["failures"] else _verdict(result)
     head = f"{verdict}{'  dry run' * dry}{_ended(result, ': ' if dry else '  ')}"
     ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
@@ -65,7 +65,7 @@ def _verdict(result: Mapping[str, Any]) -> str:
 
 
 def _ended(result: Mapping[str, Any], before: str) -> str:
-    """What became of the plan, or of the tree that was given in its place; "" where the verdict says it."""
+    """How the plan, or the tree given instead, ended; "" if the verdict says the same."""
     own = result.get("config", {}).get("tree") or not result.get("plan", True)
     told = ended(result["ended"], gave_up(result["ended"], len(result["failures"])), plan=not own)
     return "" if told.upper() == _verdict(result) else before + told
@@ -101,7 +101,7 @@ def _felt(result: Mapping[str, Any]) -> str:
 
 
 def _paced(result: Mapping[str, Any]) -> str:
-    """How the policy's rows were carried out, where that is worth a line."""
+    """How the policy's rows were carried out; "" if nothing is recorded."""
     if (pace := result.get("actions")) is None:
         return ""
     kind = "" if pace["kind"] == "absolute" else f", {pace['kind']}"
@@ -126,7 +126,7 @@ def _asked(result: Mapping[str, Any]) -> str:
 
 
 def _next(result: Mapping[str, Any], trace: Path | None, saved: Path | None) -> list[str]:
-    """Commands that say why it failed or that go on with it; lines to copy, whatever their length."""
+    """Commands to find the reason or to continue; lines to copy, of any length."""
     interrupted = result["ended"] == "interrupted"
     failed = result["failures"] or not (result["success"] or interrupted)
     why = [f"  why       mpvi explain {shlex.quote(str(trace))}"] if failed and trace else []
@@ -134,7 +134,7 @@ def _next(result: Mapping[str, Any], trace: Path | None, saved: Path | None) -> 
 
 
 def _part(path: str) -> str:
-    """The part of the plan that a node belongs to: the child of the root that it is below."""
+    """The part of the plan with this node: the child of the root above it."""
     below_root = path.split("/")[1:]
     return below_root[0] if below_root else path
 
@@ -144,7 +144,7 @@ def _entry(name: str, text: str) -> str:
 
 
 def _wall(wall: Mapping[str, Any]) -> str:
-    """Where the wall time went, the largest part first; what took less than a hundredth of it is left out.
+    """Wall time by activity, the largest first; shares below 1 % are left out.
 
     For how long it was paused is told apart, in seconds: shares are of the time in which it worked.
     """

@@ -18,7 +18,7 @@ from mpvi_bt.runs.choices.settings import hints
 
 
 def settings(*names: str) -> Callable[[Any], Any]:
-    """The options of those settings, in that order; some that no person sets may be among them, and have none."""
+    """The options of those settings, in that order. Settings without an option are skipped."""
 
     def add(command: Any) -> Any:
         for name in reversed([name for name in names if name in SETTINGS]):

@@ -28,7 +28,7 @@ _JPEG_QUALITY = 85
 @click.option("--out", type=_FILE, metavar="FILE", help="File to write, png or jpg.  [default: NAME.png]")
 @click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
 def show(name: str | None, out: Path | None, page: Path | None) -> None:
-    """Draw the thing of the catalogue that is called NAME, or that is of the family NAME, its doors ajar; or a task.
+    """Draw one thing NAME of the catalogue, or the family NAME with its doors ajar; or a task.
 
     Of a task its house is drawn from above, as instance 0 begins.
 

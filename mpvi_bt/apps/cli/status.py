@@ -1,4 +1,4 @@
-"""What a person sees on stderr of a command that goes on for long."""
+"""Messages on stderr during a long command."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mpvi_bt.executive.drawing.terminal import draw
 
 
 class Status:
-    """Lines that stay, and on a terminal one below that is drawn anew."""
+    """Permanent lines, and on a terminal one below them that is drawn anew."""
 
     def __init__(self) -> None:
         self._live, self._drawn = sys.stderr.isatty(), ""

@@ -1,4 +1,4 @@
-"""What the tools answer: each a typed result, whose schema the client is told."""
+"""Answers of the tools: typed results, with schemas for the client."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Tasks(BaseModel):
 
 
 class TaskScene(BaseModel):
-    """What plans and trees can name where a task is; where the robot stands and what it sees is not known yet."""
+    """The names that plans and trees may use in a task. Where the robot begins is not part of it."""
 
     task: str
     instruction: str

@@ -1,4 +1,4 @@
-"""A tool that takes what its schema says and nothing else, and tells a client in our words what is wrong."""
+"""A tool that accepts only arguments of its schema and reports errors in our words."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class StrictTool(Tool):
 
 
 def _told(problem: Problem) -> str:
-    """A problem of an argument: which, and what is wrong; at the top, keys are arguments."""
+    """A problem of an argument, with its place; at the top, keys are called arguments."""
     place = problem.pointer.lstrip("/")
     message = problem.message
     if "/" not in place:

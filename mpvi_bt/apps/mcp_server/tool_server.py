@@ -49,7 +49,7 @@ def make_server(tools: Tools) -> MCPServer[Any]:
 
 
 class _ToolServer(MCPServer[Any]):
-    """The SDK's, with the nearest name where a client calls a tool that is not there."""
+    """The SDK's server, with the nearest name for an unknown tool."""
 
     async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:
         known = [tool.name for tool in await self.list_tools()]
@@ -59,7 +59,7 @@ class _ToolServer(MCPServer[Any]):
 
 
 def _progress(tools: Tools) -> Callable[..., Any]:
-    """The tool that says meanwhile what happens."""
+    """The tool that reports progress while it waits."""
 
     async def progress(ctx: Context, run: str | None = None, wait_s: float = 0.0) -> RunProgress:
         try:
@@ -74,7 +74,7 @@ def _progress(tools: Tools) -> Callable[..., Any]:
 
 
 def over_http(server: MCPServer[Any]) -> ASGIApp:
-    """What answers at /mcp; who may ask is for a `watch.guard.PageGuard` to say."""
+    """The app at /mcp, unguarded: access is checked by a `watch.guard.PageGuard`."""
     unguarded = TransportSecuritySettings(enable_dns_rebinding_protection=False)
     return server.streamable_http_app(streamable_http_path="/mcp", transport_security=unguarded)
 
@@ -115,7 +115,7 @@ def _add_resources(server: MCPServer[Any], tools: Tools) -> None:
 
     @server.resource("mpvi://runs/{run}/trace", mime_type="application/jsonl")
     def trace(run: str) -> str:
-        """The trace of a run: what happened tick by tick; the record of all that was moved."""
+        """The trace of a run: its events tick by tick, and the record of all motion."""
         try:
             return tools.trace(run)
         except MpviError as error:

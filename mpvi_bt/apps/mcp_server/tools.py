@@ -60,7 +60,7 @@ class Tools:
         self._runs, self._allow_motion = runs, allow_motion
 
     def tasks(self) -> Tasks:
-        """What the robot can be asked to do: tasks, the skills that trees name, and trees on file."""
+        """Everything to ask of the robot: tasks, the skills for trees, and trees on file."""
         return self._all
 
     @cached_property
@@ -79,7 +79,7 @@ class Tools:
         )
 
     def scene(self, task: TaskName) -> TaskScene:
-        """Rooms, fixtures and things that plans and trees can name where a task is."""
+        """Names of rooms, fixtures and things for plans and trees in a task."""
         from mpvi_bt.house.instances.tasks import load_task
         from mpvi_bt.runs.choices.planning import ground
 
@@ -94,7 +94,7 @@ class Tools:
         )
 
     def plan(self, task: TaskName) -> TaskPlan:
-        """The plan of a task that is on file, and the tree that it compiles to."""
+        """The shipped plan of a task, and the tree compiled from it."""
         from mpvi_bt.apps import api
         from mpvi_bt.executive.tree.writer import dump_tree
         from mpvi_bt.house.instances.tasks import load_task
@@ -195,7 +195,7 @@ class Tools:
     def _check_run(
         self, task: str | None, tree: str | None, dry: bool, instance: int, policy: str | None, on_failure: str | None
     ) -> None:
-        """Refuse what cannot be run, or would be without a part of what is asked. Raises UserError."""
+        """Refuse a request that cannot be run, or only in part. Raises UserError."""
         from mpvi_bt.house.instances.tasks import load_task
 
         if task is None and (tree is None or not dry):
@@ -216,7 +216,7 @@ class Tools:
         self, report: Report, run: RunId = None,
         wait_s: Annotated[float, Field(ge=0, le=_LONGEST_S, description="Wait so long for its end.")] = 0.0,
     ) -> RunProgress:  # fmt: skip
-        """How far a run is: tick, simulated time, what runs now, what happened. With wait_s it tells meanwhile."""
+        """The state of a run: tick, simulated time, running nodes, events. With wait_s, it reports meanwhile."""
         found = self._named(run)
         until = asyncio.get_running_loop().time() + wait_s
         last = -1.0

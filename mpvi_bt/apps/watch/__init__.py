@@ -1,1 +1,1 @@
-"""Pages that are fed while a run or a suite goes on, and the server that feeds them."""
+"""Live pages of runs and suites, and the server for them."""

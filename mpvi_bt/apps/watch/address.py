@@ -1,4 +1,4 @@
-"""Where a page is served: the address that is asked for, the port that is free, and who may ask."""
+"""The address of a served page: parsed, bound to a free port, and checked for who may connect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws the texts of a tree that is edited, in a process of its own, which ends as soon as a text is outdated."""
+"""Draws the texts of an edited tree in its own process, and ends it as soon as a text is outdated."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Drawer:
         return json.loads(line) if line else None
 
     def stop(self) -> None:
-        """Give up what is being drawn; another process is made ready for what comes next."""
+        """Give up the present drawing, and prepare another process for the next one."""
         if self._busy and self._process is not None:
             self._process.kill()  # an end of its own would take seconds where the cores are busy
             self._started()

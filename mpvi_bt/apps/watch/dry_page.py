@@ -1,4 +1,4 @@
-"""The process that draws a tree that is edited: `python -m mpvi_bt.apps.watch.dry_page FILE FOLDER`.
+"""The process that draws an edited tree: `python -m mpvi_bt.apps.watch.dry_page FILE FOLDER`.
 
 It reads texts of the file and writes pages, both as JSON, a line each, until its input ends. It may be killed at any
 time: its files are in a folder of its starter's, which it removes only if its starter has gone.
@@ -31,7 +31,7 @@ _DRY_S, _DRY_WALL_S = 600.0, 3.0  # simulated and wall time that a dry run may t
 
 
 def drawn(text: str, file: str, folder: str) -> str:
-    """A dry run as a page; the tree where it has parameters without a value or errors; a sentence where it is none."""
+    """A dry run as a page; with errors or open parameters only the tree; if nothing can be drawn, a sentence."""
     try:
         spec = parse_tree(text, file, load_skills())
     except MpviError:

@@ -1,4 +1,4 @@
-"""A text file that several programs write: read without waiting, and written only over what was read."""
+"""A text file with several writers: read without waiting, and written only if nobody changed it since."""
 
 from __future__ import annotations
 

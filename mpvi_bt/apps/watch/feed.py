@@ -1,4 +1,4 @@
-"""What a page is fed with: events that say what changed since the last one, to each visitor at its own pace."""
+"""Events for a page: only changes since the last event, sent to each visitor at its own pace."""
 
 from __future__ import annotations
 

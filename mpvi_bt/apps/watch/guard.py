@@ -1,4 +1,4 @@
-"""Who may ask the server: browsers that show its own page, with the token where other machines can reach it."""
+"""Access control of the server: only its own page may ask, and from other machines only with a token."""
 
 from __future__ import annotations
 

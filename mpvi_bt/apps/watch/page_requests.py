@@ -1,4 +1,4 @@
-"""What a page is sent, and what it sends: HTML under a content policy, JSON that is checked before anyone reads it."""
+"""A page's requests and answers: HTML under a content policy, and checked JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The server of a page: uvicorn on a socket that is open already, and what it can serve."""
+"""The server of a page: uvicorn on an open socket, with its routes."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Server:
 
 
 class _EndingServer(uvicorn.Server):
-    """Says that it stops; what it then cuts short, such as the events of a page that is open, is no error."""
+    """A server that announces its stop. Open requests, such as event streams, are then cut without an error."""
 
     def __init__(self, config: uvicorn.Config, stopping: Callable[[], None]) -> None:
         super().__init__(config)

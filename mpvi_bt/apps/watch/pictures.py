@@ -1,4 +1,4 @@
-"""Sends the page of a run what its trace does not hold: the time, what cameras see, and the map."""
+"""Sends a run's page the parts missing from its trace: the time, camera pictures and the map."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _WAY_EVERY = 10  # ticks between two points of the way that is drawn
 
 
 class LivePictures(Watcher):
-    """Subscriber that answers a page that asks; while none does, a step costs one comparison.
+    """Subscriber that sends pictures to a page on request; otherwise a step costs one comparison.
 
     Pictures take turns: the head, the wrist whose picture the checker was handed last, the map. After each it waits
     until it has spent no more than `SHARE` of the time, but for the first of each.

@@ -1,4 +1,4 @@
-"""What the page of a tree can propose to who writes it: the schema of trees, skills, and trees to call."""
+"""Completions for the page of a tree: the schema of trees, skills, and trees to call."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def proposals(text: str, file: Path) -> dict[str, Any]:
 
 
 def _own(text: str, file: Path) -> list[NodeType]:
-    """Those that can be read; what is wrong with others is among the problems of the text."""
+    """The readable nodes. Problems of others are already among those of the text."""
     found: dict[str, NodeType] = {}
     with contextlib.suppress(MpviError):
         data, _ = parse_marked(text, str(file))
@@ -39,7 +39,7 @@ def _own(text: str, file: Path) -> list[NodeType]:
 
 
 def _tree(name: str) -> dict[str, Any]:
-    """What a tree says of itself; one that cannot be read says nothing."""
+    """A tree's own description; empty if it cannot be read."""
     try:
         data, _ = load_marked(paths.find("trees", name))
     except MpviError:

@@ -1,4 +1,4 @@
-"""Takes the new text of a tree's file into the run that is watched, when its page asks for that."""
+"""Takes the new text of a tree's file into the watched run when its page asks for it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mpvi_bt.ground.errors import MpviError
 
 
 class Reloading(Watcher):
-    """Subscriber that swaps what has changed, between two ticks; while nobody asks, a step costs one comparison.
+    """Subscriber that swaps changed nodes between two ticks. While nobody asks, a step costs one comparison.
 
     Args:
         page: Which asks, and is told what came of it.

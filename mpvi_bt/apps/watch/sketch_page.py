@@ -1,4 +1,4 @@
-"""The page of a tree that has errors: drawn as far as it can be read, what is wrong with a node beside it."""
+"""The page of a tree with errors: the readable part is drawn, and problems stand beside their nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TRIES = 40  # lines above a mistake in YAML that are given up at most, each wit
 
 
 def sketch_page(text: str, file: str) -> str:
-    """The page of a text that `file` stands for. Raises FileProblems where nothing of it can be drawn."""
+    """The page of the text of `file`. Raises FileProblems if nothing of it can be drawn."""
     data, marks, cut, fault = _readable(text, file)
     expect("tree", data, marks)
     reading = TreeReading(load_skills())
@@ -41,7 +41,7 @@ def _state(problems: tuple[Problem, ...]) -> dict[str, str] | None:
 
 
 def _readable(text: str, file: str) -> tuple[Any, SourceMarks, int, Problem | None]:
-    """Data and marks of the longest part from the beginning that can be read, its lines, and what stands in the way.
+    """Data and marks of the longest readable beginning, the number of its lines, and the problem behind it.
 
     Raises FileProblems if there is none.
     """

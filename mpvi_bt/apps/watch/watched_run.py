@@ -1,4 +1,4 @@
-"""A run that is watched: its trace as it grows, and the pictures that it sends."""
+"""A watched run: its growing trace, and its pictures."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class WatchedRun:
         return f"{run or '-'} {len(self._frames.frames)} {len(self._frames.trees)} {self._serial}"
 
     def _news(self, since: str) -> tuple[str, dict[str, Any]]:
-        """What came after `since`: run, numbers of frames, trees and other news that a visitor has."""
+        """News since `since`: run, numbers of frames, trees and the rest for a visitor."""
         if self._follow is None:
             return since, {"reload": True} if self._broken else {}
         now = self._since()

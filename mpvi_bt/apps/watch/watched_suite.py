@@ -1,4 +1,4 @@
-"""A suite that is watched: what its folder holds, read anew when that has changed."""
+"""A watched suite: the contents of its folder, read again after changes."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def _group(group: dict[str, Any]) -> dict[str, Any]:
 
 
 def _stand(part: SuiteFolder, running: bool) -> dict[str, Any]:
-    """What is done, broken, at work, and what failed."""
+    """Progress of a suite: done, broken and running episodes, and failures."""
     works, left_s = under_way(part.store, part.episodes, part.results) if running else ([], None)
     done = list(part.results.values())
     links = {spoken(config): f"run/{config.method or '-'}/{config.name}/" for config in part.episodes}

@@ -1,4 +1,4 @@
-"""A policy with another one behind it, which does what the first one has no skill for."""
+"""A policy with a second one behind it for prompts without a skill in the first."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class WithBackup:
 
     @property
     def progress(self) -> float | None:
-        """Of the one at work, where it was told the whole prompt; else None, as where it does not say."""
+        """The active policy's progress, if it got the whole prompt and reports any; else None."""
         return getattr(self._at, "progress", None) if self._told == self._prompt else None
 
     @property
@@ -92,7 +92,7 @@ class WithBackup:
 
     @property
     def _done(self) -> bool:
-        """Whether the one at work thinks that it has done what it was told."""
+        """Whether the active policy reports success."""
         return getattr(self._at, "ended", False) and not getattr(self._at, "gave_up", False)
 
     def reset(self) -> None:
@@ -138,7 +138,7 @@ class WithBackup:
         return any(call is None or call.skill.name not in self._only for call in calls)
 
     def _refused(self) -> bool:
-        """Whether the first one is at work and says that it has no skill for what it was told."""
+        """Whether the first policy is active and reports no skill for its prompt."""
         note = str(getattr(self._first, "note", ""))
         return self._at is self._first and getattr(self._first, "gave_up", False) and note.startswith(NO_SKILL)
 

@@ -22,7 +22,7 @@ _OLDEST = 1024  # our choice: chunks that are kept: more are never averaged
 
 
 class WrappedPolicy:
-    """Is, but for its actions, the policy that it wraps: the base of what changes actions on their way."""
+    """Forwards to a wrapped policy, except for its actions: the base of classes that change actions."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
@@ -96,7 +96,7 @@ class WrappedPolicy:
         return save()
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Go on from what `save` gave. Raises KeyError, TypeError or ValueError if it is not that."""
+        """Restore the state from `save`. Raises KeyError, TypeError or ValueError if it is not one."""
         if hasattr(self._policy, "restore"):
             self._policy.restore(saved)
 
@@ -116,7 +116,7 @@ def difference(foreseen: Array | None, chunk: Array) -> float:
 
 
 class RecedingHorizon(WrappedPolicy):
-    """Carries out the beginning of each chunk, then asks again: what the policy sees is never older than that.
+    """Carries out the beginning of each chunk, then asks again, so that the policy's observation is never older.
 
     Args:
         policy: Whose chunks.

@@ -11,7 +11,7 @@ Board = Mapping[str, Value]
 
 
 class NoValue(Exception):
-    """A parameter refers to a key that has no value; raised while a leaf is ticked, it fails that leaf."""
+    """A parameter refers to a key without a value; in the tick of a leaf, the leaf fails."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -27,7 +27,7 @@ def text_of(text: str, board: Board) -> str:
 
 
 def value_of(value: Value, board: Board) -> Value:
-    """Likewise; a text that is nothing but a reference stands for that key's value, a number too. Raises NoValue."""
+    """As `text_of`, but a text that is only a reference becomes the key's value, also a number. Raises NoValue."""
     if not isinstance(value, str) or "$" not in value:
         return value
     key = whole(value)
@@ -39,7 +39,7 @@ def value_of(value: Value, board: Board) -> Value:
 
 
 class Expectation:
-    """A key, and what its value should be: all that is said must hold; if nothing is, it must have a value.
+    """A key, and the expected value: all given conditions must hold; with none, any value will do.
 
     Args:
         key: Of the blackboard.

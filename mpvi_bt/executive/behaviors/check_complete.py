@@ -114,7 +114,7 @@ class CheckComplete(Leaf):
                 raise ValueError(f"'event' should be the kind of an event and its hand, not {wrong!r:.40}")
 
     def _camera(self, event: TriggerEvent) -> str:
-        """Whose picture shows what came of the event."""
+        """The camera that shows the result of an event."""
         wanted = self._cameras.get(event.kind)
         if event.side is None or wanted not in ("hand", "other_hand"):
             return "head"

@@ -15,7 +15,7 @@ from mpvi_bt.executive.behaviors.saved_state import count
 
 
 class _Composite(Branch, composites.Composite):
-    """What our composites share: py_trees' ticks, a stop without its log lines, and what resuming needs."""
+    """Common parts of our composites: py_trees' ticks, a stop without log lines, and the state for resuming."""
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
         """As py_trees; besides, keep what failed it before its children are reset."""
@@ -70,7 +70,7 @@ class Selector(_Composite, composites.Selector):
 
 
 class _SideBySide(_Composite, composites.Parallel):
-    """What parallels share: children that still run when it ends are interrupted."""
+    """Common to parallels: at their end, children that still run are interrupted."""
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
         """As py_trees, likewise."""

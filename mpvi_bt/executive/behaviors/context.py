@@ -45,7 +45,7 @@ class Failure:
 
     @staticmethod
     def of(data: Mapping[str, Any]) -> Failure:
-        """The failure that `dataclasses.asdict` made `data` of. Raises ValueError if that is none."""
+        """The failure from the data of `dataclasses.asdict`. Raises ValueError if it is not one."""
         match data:
             case {
                 "reason": str(reason),
@@ -168,7 +168,7 @@ class Replanning(Protocol):
     """Has new plans made, and puts them into the tree."""
 
     def ask(self, path: str, failure: Failure) -> Request:
-        """Ask for a plan for all that follows the node at `path`, which failed. It never blocks."""
+        """Ask for a new plan for everything after the failed node at `path`. It never blocks."""
         ...
 
     def swap(self) -> None:

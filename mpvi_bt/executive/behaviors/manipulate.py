@@ -139,7 +139,7 @@ class Manipulate(Leaf):
         )
 
     def _waited_steps(self) -> int:
-        """Steps so far in which the robot held for want of an action of the policy, where that is made late."""
+        """Steps so far in which the robot waited for a late action of the policy."""
         policy: object = self.context.policy
         while policy is not None:
             if isinstance(stale := getattr(policy, "stale", None), int):

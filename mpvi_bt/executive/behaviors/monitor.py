@@ -99,7 +99,7 @@ class Monitor(Decorator):
         super().terminate(new_status)
 
     def _alarm(self, sample: int, values: Sequence[float]) -> str:
-        """What the signals say against going on; "" if that is no alarm."""
+        """The signals that speak against going on; "" if there is no alarm."""
         calibration = self.context.calibration
         if calibration is None or not self.skill:
             return ""

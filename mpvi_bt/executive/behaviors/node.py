@@ -53,7 +53,7 @@ class Node(Behaviour):
         super().stop(new_status)
 
     def fail(self, reason: str, evidence: str, cause: Failure | None = None) -> Status:
-        """FAILURE, with a reason code, what was seen, and the failure that led to it, if there is one."""
+        """FAILURE, with a reason code, the evidence, and the failure behind it, if any."""
         self.failure = Failure(reason, evidence, self.path, self.context.clock.time_s, cause)
         self.feedback_message = f"{reason}: {evidence}" if evidence else reason
         return _FAILURE
@@ -63,7 +63,7 @@ class Node(Behaviour):
         return text_of(text, self.context.blackboard)
 
     def state(self) -> dict[str, Any]:
-        """What it needs, as JSON values, to go on where it stands in another process; {} if that is nothing."""
+        """The state, as JSON values, that another process needs to resume the node; {} if none."""
         return {} if self.failure is None else {"failure": asdict(self.failure)}
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -128,7 +128,7 @@ class Leaf(Node):
 
 
 class Branch(Node):
-    """A node with children. When it fails without a reason of its own it carries that of the child that failed it."""
+    """A node with children. When it fails without a reason of its own, it takes the failed child's."""
 
     def blame(self) -> Failure:
         """Why it fails, by its children: as the first one that failed."""

@@ -30,7 +30,7 @@ _GIVEN = ("self", "name", "child", "children")  # what a constructor is given th
 
 
 class _AsRecorded(Parameters):
-    """Of a node that a trace tells of: its file is not read again, so its parameters are what they are."""
+    """Parameters of a node from a trace: its file is not read again, so any are accepted."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -72,14 +72,14 @@ def described(node: NodeType) -> dict[str, Any]:
 
 
 def as_described(kind: str, told: Mapping[str, Any]) -> NodeType:
-    """The node that a trace tells of. Its code is imported only where such a node is built, to resume a run."""
+    """A node as described in a trace. Its code is imported only to resume a run."""
     return NodeType(
         kind, told["family"], _AsRecorded, told["headline"], told["factory"], told["summary"], robot=told["robot"]
     )
 
 
 def _in_module(names: Mapping[str, Any], place: str, said: str) -> list[NodeType]:
-    """The nodes that a module defines; of a class with a `NodeType` beside it, that."""
+    """The nodes defined in a module; a class with its own `NodeType` counts once, as that."""
     from py_trees.behaviour import Behaviour
 
     public = {name: value for name, value in names.items() if not name.startswith("_")}
@@ -163,7 +163,7 @@ def _fields(made: type, said: str) -> dict[str, Any]:
 
 
 def _field_type(given: Any) -> Any:
-    """The type of a node's parameter for that of a constructor's. Raises KeyError where there is none."""
+    """The type of a node's parameter from a constructor's. Raises KeyError if there is none."""
     if typing.get_origin(given) is Literal:
         return given
     if typing.get_origin(given) in (Union, UnionType):

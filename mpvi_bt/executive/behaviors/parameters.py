@@ -94,7 +94,7 @@ class MemoryFlag(Parameters):
 
 
 class OnFailure(Parameters):
-    """Of attempt: what follows a failure that it has recorded. "advance": the next sibling (Paper, Orchestrator).
+    """Of attempt: what follows a recorded failure. "advance": the next sibling (Paper, Orchestrator).
 
     "replan": the run's planner is asked for what is left to do, and its plan takes the place of all later siblings.
     """
@@ -159,7 +159,7 @@ class Call(Parameters):
 
 
 class Watch(Parameters):
-    """Of monitor: the skill whose thresholds hold (none: it only records), and what makes an alarm.
+    """Of monitor: the skill for the thresholds (none: only record), and the conditions of an alarm.
 
     That many signals must agree, or "stall" or "grip" alone must last so long (nothing said: one alone is no alarm).
     """
@@ -190,7 +190,7 @@ class Prompt(Parameters):
 
 
 class CriterionToCheck(Parameters):
-    """Of check_complete: the state that ends the unit, and the skill whose triggers ask about it (none: all)."""
+    """Of check_complete: the unit's criterion, and the skill whose triggers ask about it (none: all)."""
 
     criterion: Line
     skill: str | None = None

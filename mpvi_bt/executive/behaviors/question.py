@@ -69,7 +69,7 @@ class Question(Generic[T]):
 
 
 class _Mail(Generic[T]):
-    """What the thread leaves. It does not know the question, which may be forgotten."""
+    """Result of the thread. It has no reference to the question, so that this can be forgotten."""
 
     def __init__(self) -> None:
         self.arrived = threading.Event()

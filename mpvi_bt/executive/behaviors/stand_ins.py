@@ -26,11 +26,11 @@ _WAITING = {
 
 
 class Substituted(Exception):
-    """What a stand-in raises that was told to raise."""
+    """The exception of a stand-in whose rule says to raise."""
 
 
 class StandIn(Node):
-    """Does what it is told instead of the node whose name and place it has, on the simulation clock.
+    """Takes a node's place and name and does as told instead, on the simulation clock.
 
     Args:
         name: In the tree.
@@ -73,7 +73,7 @@ class StandIn(Node):
 
     @property
     def other(self) -> Behaviour:
-        """What works where it does not act itself."""
+        """The node to run when the stand-in does not act."""
         (other,) = self.children
         return other
 

@@ -51,7 +51,7 @@ class Timeout(Timed, Decorator):
         return status
 
     def _still_at(self) -> str:
-        """What was running, by its path from here, and what it says of its work."""
+        """The running leaves, by their paths from here, with their own messages."""
         leaves = list(_still_running(self.decorated))
         paths = [getattr(leaf, "path", leaf.name).removeprefix(f"{self.path}/") for leaf in leaves]
         said = [f" ({leaf.feedback_message})" if leaf.feedback_message else "" for leaf in leaves]

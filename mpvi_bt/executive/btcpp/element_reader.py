@@ -64,7 +64,7 @@ class ElementReader:
         return replace(tree, own_nodes=(f"{self.file.module}.py",)) if has_own else tree
 
     def _first_values(self, element: Element) -> dict[str, Any] | None:
-        """Keys that exist from the start, if an element is the Sequence that our export sets them in."""
+        """First values of keys, if the element is the Sequence that our export writes for them."""
         if element.tag != "Sequence" or element.attributes.get("name") != mapping.FIRST_VALUES:
             return None
         values: dict[str, Any] = {}
@@ -78,7 +78,7 @@ class ElementReader:
         return values or None
 
     def _node(self, element: Element, at: Location) -> dict[str, Any]:
-        """The data of a node; of one that has no equal here, a stand-in, so that what is below is looked at too."""
+        """The data of a node. A node without an equal becomes a stand-in, so that its children are still checked."""
         self.file.count += 1
         if self.file.count > MAX_NODES:
             self.file.problem(element, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
@@ -115,7 +115,7 @@ class ElementReader:
         return self._stand_in(element, at)
 
     def _stand_in(self, element: Element, at: Location) -> dict[str, Any]:
-        """For a node that has no equal here; what is below it is looked at all the same."""
+        """A stand-in for a node without an equal here; its children are still checked."""
         for child in element.children:
             self._node(child, at)
         return _STAND_IN
@@ -195,7 +195,7 @@ class ElementReader:
         return data
 
     def _assignments(self, element: Element, at: Location) -> dict[str, Any]:
-        """A node that sets keys; of a script that sets several, a sequence of them."""
+        """A node that sets keys; for a script with several, a sequence of nodes."""
         attributes = element.attributes
         if tag_of(element) == "SetBlackboard":
             text = attributes.get("value", "")
@@ -333,7 +333,7 @@ class ElementReader:
 
 
 def _port_value(port: str, text: str) -> Any:
-    """What a port of theirs says. Raises ValueError if that is nothing."""
+    """The value of a BehaviorTree.CPP port. Raises ValueError if it has none."""
     if port == "name":
         return text
     return mapping.from_msec(text) if port == "msec" else mapping.from_port(text.strip(), as_text=False)

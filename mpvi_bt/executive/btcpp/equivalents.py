@@ -71,7 +71,7 @@ def _conditions(file: XmlFile, element: Element, node: Element, above: str) -> E
 
 
 def _guarded(element: Element, node: Element, name: str, as_: str) -> Element:
-    """A node below the condition that stands in an attribute, which says so as another one does."""
+    """A node below a condition from an attribute; the attribute decides the kind of parent."""
     asked = _script(element, "ScriptCondition", name)
     if as_ == "_while":
         return _around(element, "ReactiveSequence", asked, node)
@@ -91,7 +91,7 @@ def _after(element: Element, node: Element, name: str) -> Element:
 
 
 def _precondition(file: XmlFile, element: Element, child: Element, above: str) -> Element:
-    """A node that is begun only where a script holds."""
+    """A node that begins only if a script holds."""
     otherwise = element.attributes.get("else", "FAILURE")
     if otherwise == "SKIPPED" and above in _SEQUENCES | _FALLBACKS:
         otherwise = "SUCCESS" if above in _SEQUENCES else "FAILURE"
@@ -105,7 +105,7 @@ def _precondition(file: XmlFile, element: Element, child: Element, above: str) -
 
 
 def _switch(file: XmlFile, element: Element, cases: int) -> Element:
-    """A fallback of which one child's condition holds, and that of the last where no other does."""
+    """A fallback with a condition before each child; the last child is the default."""
     variable = element.attributes.get("variable", "")
     key = variable.strip("{} ")
     if not is_pointer(variable) or not KEY.fullmatch(key):

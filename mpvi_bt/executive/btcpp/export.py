@@ -90,7 +90,7 @@ class _Exporter:
             self._note(self.tree.root, "parameter", message)
 
     def _with_first_values(self, behavior: ElementTree.Element) -> ElementTree.Element:
-        """The element that takes the tree's root: below nodes that set the keys which exist from the start."""
+        """The element for the tree's root, below nodes that set the first values of keys."""
         if not self.tree.blackboard:
             return behavior
         sequence = ElementTree.SubElement(behavior, "Sequence", name=mapping.FIRST_VALUES)
@@ -199,7 +199,7 @@ class _Exporter:
         return found
 
     def _models(self, above: ElementTree.Element) -> None:
-        """What our nodes look like: those used, and those that BehaviorTree.CPP has nothing like."""
+        """Models of our nodes: the used ones, and all without an equal in BehaviorTree.CPP."""
         theirs = {row.kind for row in mapping.BUILTINS} | {"subtree", "set", "test", "condition"}
         types = {**node_types(), **{placed.spec.kind: placed.spec.type for placed in self.tree.nodes}}
         for kind, node_type in sorted(types.items(), key=lambda item: mapping.own_id(item[0])):
@@ -219,7 +219,7 @@ class _Exporter:
             element.set(name, value)
 
     def _describe(self, element: ElementTree.Element, told: Mapping[str, Any]) -> None:
-        """Write what BehaviorTree.CPP has no place for into the description, which Groot2 shows."""
+        """Write data without a place in BehaviorTree.CPP into the description, which Groot2 shows."""
         kept = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in told.items() if value != ""]
         if kept:
             element.set("_description", _NOT_PLAIN.sub(lambda c: f"\\U{ord(c.group()):08x}", "\n".join(kept)))

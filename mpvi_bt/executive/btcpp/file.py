@@ -1,4 +1,4 @@
-"""A file of BehaviorTree.CPP: which trees it holds, and which of them is run."""
+"""A file of BehaviorTree.CPP: its trees, and the one to run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TREE_ID = "letters, digits, '_' and '-'"
 
 @dataclass
 class Needs:
-    """What a tree needs that is not written in its XML.
+    """A tree's needs beyond its XML.
 
     Attributes:
         texts: Keys that whoever calls it sets, such as a goal: they become parameters.
@@ -150,7 +150,7 @@ class XmlFile:
         return self._calls[name]
 
     def free_key(self, wanted: str) -> str:
-        """A key of the blackboard that nothing in the file names: the one that is wanted, or it with a number."""
+        """An unused blackboard key for the file: the wanted one, or it with a number."""
         if not self._words:
             texts = (text for tree in self.trees.values() for e in below(tree) for text in e.attributes.values())
             self._words = {word for text in texts for word in re.findall(r"\w+", text)} | {""}

@@ -129,7 +129,7 @@ _WITH_TEXT = frozenset({*_PORTS, "description", "Metadata"})
 
 
 def check(file: XmlFile, root: Element) -> None:
-    """Note what is unknown to BehaviorTree.CPP in a file: a port is a problem, what it passes over a warning."""
+    """Note things unknown to BehaviorTree.CPP: an unknown port is a problem, an ignored one a warning."""
     _attributes(file, root, ATTRIBUTES["root"])
     for element in root.children:
         if element.tag == "BehaviorTree":

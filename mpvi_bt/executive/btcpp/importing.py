@@ -78,12 +78,12 @@ def from_xml(
 
 
 def _once(problems: list[Problem]) -> list[Problem]:
-    """In the order of the file, without those that were found again where a tree is called."""
+    """In the order of the file, without repeated ones from a tree's calls."""
     found = {(p.line, p.column, p.message): p for p in problems}
     return [found[key] for key in sorted(found)]
 
 
 def _listed_once(problems: list[Problem]) -> list[Problem]:
-    """With the list of nodes that are known only where the first of several is not."""
+    """The list of known nodes only with the first unknown one."""
     unknown = [p for p in problems if p.code == "unknown-node"][1:]
     return [replace(p, message=p.message.partition(" Known: ")[0]) if p in unknown else p for p in problems]

@@ -48,7 +48,7 @@ def _raw(text: str, start: int) -> Iterator[tuple[int, str]]:
 
 
 def described(error: expat.ExpatError, text: str, at: int, opened: Sequence[tuple[str, int]]) -> str:
-    """What is wrong at a position where the parser stopped.
+    """The problem at the position of the parser's stop.
 
     Args:
         error: What it says.

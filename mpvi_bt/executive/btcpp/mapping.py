@@ -163,13 +163,13 @@ def ports_of_type(node_type: NodeType) -> Mapping[str, Port]:
 
 
 def own_id(kind: str) -> str:
-    """The ID of a kind that is a node of ours, such as "LookAround"; "TimeoutNode" where they have a "Timeout"."""
+    """The ID of one of our kinds, such as "LookAround"; "TimeoutNode" if BehaviorTree.CPP has a "Timeout"."""
     name = "".join(part.capitalize() for part in kind.split("_"))
     return f"{name}Node" if name in THEIRS | KEPT else name
 
 
 def own_kinds() -> Mapping[str, str]:
-    """The kinds that may be nodes of ours, by their IDs: all but those that one of theirs always does for."""
+    """The kinds that may become nodes of ours, by ID: all without a full equal in BehaviorTree.CPP."""
     return _own_kinds(tuple(node_types()))
 
 
@@ -235,7 +235,7 @@ def to_msec(duration: float | str) -> str | None:
 
 
 def from_msec(text: str) -> Any:
-    """Seconds, or what was given if that is no number of milliseconds. Raises ValueError of a reference."""
+    """Seconds from milliseconds; any other text is returned as given. Raises ValueError for a reference."""
     if is_pointer(text):
         raise ValueError("a reference would be milliseconds there and seconds here: write the number")
     return int(text) / 1000 if re.fullmatch("[0-9]{1,10}", text) else from_port(text, as_text=True)

@@ -74,7 +74,7 @@ class _XmlParser:
         return self.root
 
     def _malformed(self, error: expat.ExpatError) -> list[Problem]:
-        """Everything that is spelt wrong; if there is no such thing, why the parser stopped where it did."""
+        """All misspelled places; if there are none, why the parser stopped."""
         found = [(place_in(self.text, at), message) for at, message in islice(spellings(self.text), MAX_PROBLEMS)]
         if not found:
             at = len(self.bytes[: max(self.expat.ErrorByteIndex, 0)].decode(errors="replace"))

@@ -234,7 +234,7 @@ class _Rewriting:
 
 
 def _sources(tree: Element) -> Mapping[str, list[tuple[str, bool]]]:
-    """Of each key that a node gives a path or a goal, the keys that these come from, and which of them are goals."""
+    """For each key of a path or goal that a node sets: the keys it comes from, each marked if it is a goal."""
     found: dict[str, list[tuple[str, bool]]] = {}
     for element in below(tree):
         for port, inputs in _FROM.items():

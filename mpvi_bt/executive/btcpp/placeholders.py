@@ -62,7 +62,7 @@ class Placeholder:
     ports: dict[str, PortOf] = field(default_factory=dict)
 
     def parameters(self, file: XmlFile, element: Element) -> dict[str, Any]:
-        """What the ports of one such node say here; what can't be said is noted."""
+        """Values of the ports of such a node; a value without an equal is noted as a problem."""
         found: dict[str, Any] = {}
         for name, port in self.ports.items():
             if name not in element.attributes:
@@ -77,7 +77,7 @@ class Placeholder:
 
 
 def placeholders_of(file: XmlFile, models: Models) -> dict[str, Placeholder]:
-    """The leaves of all trees that are nodes of nobody here, by their IDs, with all that is known of their ports."""
+    """Leaves of all trees that are not our nodes, by ID, with everything known of their ports."""
     uses: dict[str, list[tuple[str, Element]]] = {}
     for name, tree in file.trees.items():
         for element in below(tree.children[0]):
@@ -171,7 +171,7 @@ def _annotation(port: PortOf) -> str:
 
 
 def _outputs(file: XmlFile, found: Mapping[str, Placeholder], uses: Mapping[str, list[tuple[str, Element]]]) -> None:
-    """Tell outputs from inputs where the file does not, and give what is set a first value, for dry runs.
+    """Find outputs that the file does not declare, and give them first values for dry runs.
 
     A key that nothing else sets is an output of the first node that names it (Our choice: else no tree without models
     could be checked). A warning says so.

@@ -79,12 +79,12 @@ class Calls:
         return self._parameters[tree]
 
     def first_values(self, tree: str) -> Mapping[str, Value]:
-        """Of keys that a tree, or one that it calls, keeps for itself."""
+        """First values of keys private to a tree or to one it calls."""
         values = {k: v for needs in self.file.needs.values() for k, v in needs.first_values.items()}
         return {key: values[key] for key in values if key in self._firsts[tree]}
 
     def arguments(self, element: Element) -> dict[str, Value]:
-        """What a call of a tree hands on here; what it can't is noted."""
+        """Arguments of a call of a tree; a value without an equal is noted as a problem."""
         call = self._of[id(element)]
         found: dict[str, Value] = {}
         for name, kind in self.parameters(call.callee).items():
@@ -154,7 +154,7 @@ def keys_set_in(file: XmlFile) -> set[str]:
 
 
 def keys_handed_on(file: XmlFile) -> set[str]:
-    """The keys that calls fill, and those that whoever runs the file must set."""
+    """The keys that calls fill, and the keys that the file's user must set."""
     filled = {port for call in _calls(file) for port, text in call.ports.items() if _key(text) != port}
     return filled.union(*(needs.texts for needs in file.needs.values()))
 
@@ -218,7 +218,7 @@ def _hidden(call: SubTreeNode) -> Callable[[set[str]], set[str]]:
 
 
 def _outside(call: SubTreeNode) -> Callable[[set[str]], set[str]]:
-    """What a caller calls the keys that a called tree needs; those that it gives a text it needs no more."""
+    """Translates the needed keys of a called tree into the caller's keys; keys filled with a text drop out."""
 
     def renamed(names: set[str]) -> set[str]:
         return {key for name in names if (key := _key(call.ports.get(name, f"{{{name}}}"))) is not None}

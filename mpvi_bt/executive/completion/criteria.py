@@ -88,7 +88,7 @@ class Criterion:
 
 
 def parse(text: str) -> Criterion | None:
-    """The criterion that a sentence states, or None where it is none of these.
+    """The criterion in a sentence; None if it has none of these forms.
 
     "the robot is at <place>"; "<object> is held in a gripper", "... in the left gripper", "... with both hands";
     "<object> is in <container>"; likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in

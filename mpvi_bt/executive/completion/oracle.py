@@ -24,7 +24,7 @@ class CheckedTruth(Protocol):
         ...
 
     def at(self, phrase: str) -> bool | None:
-        """Whether the robot is at something that a phrase names and that it does not carry; None: nothing is."""
+        """Whether the robot is at something that `phrase` names, other than its payload; None: there is none."""
         ...
 
     def so(self, relation: Relation, name: str, other: str) -> bool | None:

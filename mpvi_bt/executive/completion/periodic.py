@@ -19,7 +19,7 @@ class PeriodicTriggers:
         self.reset()
 
     def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
-        """Begin anew. Which events a skill asks for is not minded: that is what the ablation leaves out."""
+        """Begin anew. A skill's events are ignored: this is the ablation without them."""
         self._passed = 0
 
     def update(self) -> TriggerEvent | None:

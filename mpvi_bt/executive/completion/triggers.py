@@ -151,7 +151,7 @@ class ProprioceptiveTriggers:
         return any(hand.let_go for hand in self._hands.values()) or bool(self._press and self._press.let_go)
 
     def _idles(self) -> TriggerEvent | None:
-        """That the body stands still and does no more, if that is due."""
+        """The event "idle" if it is due: the body stands still and does no more."""
         rest, seconds = self._rest, self.thresholds.idle_s
         if not rest.stands:
             self._idle = []
@@ -357,7 +357,7 @@ class _ArmRest:
         self.since_event = _LONG_AGO
 
     def feel(self, body: Proprioception, steady: bool) -> Side | None:
-        """Take in one step; the arm that went farthest, if this is a rest that is news; `steady`: of the fingers."""
+        """Take in one step. Returns the arm that went farthest, at a new rest; `steady`: the fingers are."""
         t = self._t
         for side in body.sides:
             away = float(np.abs(body.arm[side] - self._home[side]).max())

@@ -24,12 +24,12 @@ WELL = ("success", "stopped")  # ends that are no failure, whatever the goal say
 
 
 def is_plan(tree: TreeSpec) -> bool:
-    """Whether a tree has units that are given up where they fail, so that its SUCCESS says nothing of them."""
+    """Whether the tree may give up units; then its SUCCESS does not mean that all of them succeeded."""
     return any(node.spec.kind == "attempt" for node in tree.nodes)
 
 
 def gave_up(ending: str, failures: int) -> int:
-    """How many of a run's failures are units that were given up: all but the one that ended it, if one did."""
+    """Number of given-up units of a run: all its failures but the one that ended it, if one did."""
     return failures - (failures > 0 and ending in ("failure", "backend_error"))
 
 

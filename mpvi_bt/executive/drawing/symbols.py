@@ -51,12 +51,12 @@ _SIGNS = {"{-}": "→*", "[-]": "→", "{o}": "?*", "[o]": "?", "/_/": "⇉", "-
 
 
 def sign(node: NodeSpec) -> str:
-    """What is drawn before a label where more than ASCII can be, or ""."""
+    """The sign before a label on displays with more than ASCII, or ""."""
     return _SIGNS.get(node.glyph, node.glyph)
 
 
 def standing(state: NodeState) -> Standing:
-    """What a node's state comes down to. One that failed and was reset stands as failed until it begins anew."""
+    """The standing of a node. A failed node that was reset stays failed until it begins anew."""
     if state.status == "INVALID":
         return "interrupted" if state.interrupted else "failure" if state.ended == "FAILURE" else "idle"
     if state.status == "SUCCESS":

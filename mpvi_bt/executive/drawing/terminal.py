@@ -33,7 +33,7 @@ codecs.register_error(_ESCAPED, _escaped)
 
 
 class GuardedStream:
-    """A stream that writes text so that no terminal obeys it; what the stream's encoding lacks is escaped, too.
+    """A text stream that is safe for terminals: it escapes control sequences and characters missing in the encoding.
 
     Args:
         stream: Where to.

@@ -136,18 +136,18 @@ def window(lines: Sequence[Line], room: int) -> tuple[int, int]:
 
 
 def left_out(first: int, last: int, count: int) -> str:
-    """What is said of the lines of a drawing that `window` left out."""
+    """A note on the lines of a drawing that `window` left out."""
     told = [f"{number} lines {where}" for number, where in ((first, "above"), (count - last, "below")) if number]
     return f"... {', '.join(told)}"
 
 
 def _room_for_indent(width: int) -> int:
-    """Columns that indentation may take: all but 40, which a label needs, or a third where there are not so many."""
+    """Columns for indentation: all but 40 for labels, or a third of a narrow terminal."""
     return max(width - 40, width // 3)
 
 
 def _indented(tree: TreeSpec, limit: int, unicode: bool) -> Iterator[tuple[Placed, str]]:
-    """Every node with what stands before its glyph, which takes at most `limit` columns.
+    """Every node with the text before its glyph, which takes at most `limit` columns.
 
     A tree that is too deep for its usual steps gets smaller ones; what still goes beyond is not indented further.
     """

@@ -37,7 +37,7 @@ class Endpoint:
 
     @property
     def exposed(self) -> bool:
-        """Whether all that is sent, what lets us in too, can be read on the way."""
+        """Whether others on the network can read the requests, the key included."""
         return self.url.startswith("http://") and not is_this_machine(self.url)
 
 

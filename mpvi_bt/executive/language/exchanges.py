@@ -137,7 +137,7 @@ class KeptModel:
         return given
 
     def _read(self, path: Path, tell: bool = True) -> Answer | ModelError | None:
-        """What is on file; None: nothing, or nothing that can be read, which is told."""
+        """The stored exchange; None if there is none or it is unreadable (this is reported)."""
         try:
             data = _Exchange.model_validate_json(path.read_bytes())
         except FileNotFoundError:

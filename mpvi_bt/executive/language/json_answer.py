@@ -94,7 +94,7 @@ def _outermost(text: str, items: list[Item]) -> Iterator[Item]:
 
 
 def _closed(text: str, begin: int) -> int:
-    """Where the bracket that begins there is closed, past those that do not match; else the end of the text."""
+    """Index behind the bracket that closes the one at `begin`, ignoring unmatched ones; else the text's end."""
     opened: list[str] = []
     for found in _BRACKETS.finditer(text, begin):
         bracket = found[0]
@@ -113,7 +113,7 @@ def _first_key(text: str, item: Item) -> str | None:
 
 
 def _refuse_list(text: str, first: Item, best: Item, aside: list[tuple[int, int]]) -> None:
-    """Refuse the `best` object where it stands in a list that begins with the `first` one. Raises ValueError."""
+    """Refuse the `best` object if it is in a list that begins with `first`. Raises ValueError."""
     begin = len(text[: first.begin].rstrip()) - 1
     if text[begin : begin + 1] == "[" and best.begin < _closed(text, begin):
         found = item_at(text, begin)

@@ -81,7 +81,7 @@ def item_at(text: str, begin: int) -> Item:
 
 
 def told(text: str, item: Item, aside: list[tuple[int, int]]) -> str:
-    """What is wrong with a broken item, and where: what is expected at which line and column, and what is there."""
+    """What is wrong with a broken item: line and column, the text found there, and what was expected."""
     if item.at is None:
         return item.why
     what = re.sub(r"(?: starting)? at$", "", item.why)
@@ -93,7 +93,7 @@ def told(text: str, item: Item, aside: list[tuple[int, int]]) -> str:
 
 
 def _place(text: str, at: int, aside: list[tuple[int, int]]) -> tuple[int, int]:
-    """Line and column, from 1, of a place in a text of which only what is spoken counts."""
+    """Line and column, from 1, of a place in a text; parts set aside are not counted."""
     parts, begun = [], 0
     for begin, end in aside:
         if end <= at:

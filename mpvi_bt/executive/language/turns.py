@@ -29,7 +29,7 @@ def alternating(turns: Sequence[Turn]) -> list[Turn]:
 
 
 def without_system(turns: Sequence[Turn]) -> list[Turn]:
-    """What the system says is said by the user, at the beginning of what the user says next; roles alternate."""
+    """System texts become the beginning of the user's next turn; roles alternate."""
     return alternating([{**turn, "role": "user"} if turn["role"] == "system" else turn for turn in turns])
 
 

@@ -108,7 +108,7 @@ _UNSURE = re.compile(r"\b(?:tell|determine|say|sure|certain|confirm|verify|judge
 
 
 def is_refusal(text: str) -> bool:
-    """Whether what is neither a yes nor a no declines to answer at all, as "I'm sorry, I can't help with that" does."""
+    """Whether an answer without yes or no declines altogether, such as "I'm sorry, I can't help with that"."""
     text = text[:LONGEST].replace("\u2019", "'")
     return _DECLINES.match(text) is not None and _UNSURE.search(text) is None
 

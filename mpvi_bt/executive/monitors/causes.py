@@ -41,14 +41,14 @@ class Cause(NamedTuple):
 
 
 def likely_cause(handoff: Handoff) -> Cause | None:
-    """The first rule that fits; None where the handoff is complete, or was ended for no reason of its own."""
+    """The first matching rule; None if the handoff is complete or ended for an outside reason."""
     if handoff.stopped_reason in (COMPLETE, NEW_PROMPT):
         return None
     return next((cause for rule in _RULES if (cause := rule(handoff)) is not None), None)
 
 
 def _not_judged(h: Handoff) -> Cause | None:
-    """The policy stopped where nobody says what is complete: whether it was right the goal tells."""
+    """The policy stopped and no checker judged it: only the goal shows if that was right."""
     if h.stopped_reason != POLICY_DONE or h.judged:
         return None
     return Cause("not_judged", "no checker worked beside it")
@@ -140,7 +140,7 @@ def _slow(h: Handoff) -> Cause | None:
 
 
 def _by_end(h: Handoff) -> Cause | None:
-    """What ended it, where the figures tell nothing."""
+    """The cause by the ending, if the figures show nothing."""
     if h.stopped_reason in (INTERRUPTED, CUT_OFF):
         return None
     if not h.steps:

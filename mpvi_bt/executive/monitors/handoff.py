@@ -1,4 +1,4 @@
-"""What is known of one handoff, a stretch in which the policy had control: figures, and why it ended."""
+"""One handoff: its figures, and why it ended."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def handoff_line(handoff: Handoff) -> str:
 
 
 def handoff_lines(handoff: Handoff) -> Iterator[str]:
-    """What is known of it, a line a subject; what did not occur is left out but for motion and questions."""
+    """Facts about a handoff, a line a subject; events that did not occur are left out."""
     h = handoff
     yield f"moved: {_moved(h)}"
     gripped = [f"{side} {text}" for side, hand in h.hands.items() if (text := _gripped(hand))]

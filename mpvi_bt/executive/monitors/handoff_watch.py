@@ -20,7 +20,7 @@ _DIGITS = 3
 
 
 class HandoffWatch:
-    """One handoff under way. It works for any policy: it sees what is commanded and what is felt.
+    """One handoff under way. It works for any policy: it sees only commands and proprioception.
 
     Args:
         path: Of the node that hands over.

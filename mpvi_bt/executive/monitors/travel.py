@@ -1,4 +1,4 @@
-"""How far the parts of a robot have moved, and how long nothing has, by what it feels or by what it is told."""
+"""How far the robot's parts have moved, and how long all stood still, by proprioception or by commands."""
 
 from __future__ import annotations
 

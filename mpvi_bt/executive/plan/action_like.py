@@ -1,4 +1,4 @@
-"""Telling a criterion that describes an action from one that describes a state (Paper, Subtask Planning).
+"""Tells criteria about an action from criteria about a state (Paper, Subtask Planning).
 
 A state can be told from one picture, "the can is in the trash can"; an action takes a sequence of them, "the robot puts
 the can in the trash can". Our choice: the rule names only what is certain, because a good criterion that is refused
@@ -118,7 +118,7 @@ def _past(verb: str) -> list[str]:
 
 
 def _doubled(verb: str) -> str:
-    """With its last consonant twice, where an ending takes that: "putt", "dropp"."""
+    """With its last consonant doubled if an ending needs it: "putt", "dropp"."""
     short = re.fullmatch(r"[^aeiou]*(?:u(?=[aeio]))?[aeiou][^aeiouwxy]", verb)
     return verb + verb[-1] if short or verb in _DOUBLED else verb
 

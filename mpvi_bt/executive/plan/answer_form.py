@@ -69,7 +69,7 @@ def read_segment(segment: Any) -> Any:
 
 
 def _by(deed: str, hand: str) -> str:
-    """What is done, said with the hand that does it."""
+    """An action, with the hand that does it."""
     hand = _HAND.sub("", hand.strip())
     if (
         not deed.strip()

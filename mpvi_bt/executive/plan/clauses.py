@@ -48,7 +48,7 @@ def clauses(prompt: str, skills: Mapping[str, Skill]) -> list[str]:
 
 
 def match(description: str, skills: Mapping[str, Skill]) -> SkillCall | None:
-    """The skill that one description names, or None; of one that joins several, too.
+    """The skill of one description; None if there is none, or if it joins several.
 
     Our choice where several fit: the reading with the shortest object, or target or source if it has none ("put the
     apple in the bowl on the table" is place_in), then the one that fills more slots, then the one with the fewest

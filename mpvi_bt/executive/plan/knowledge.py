@@ -83,7 +83,7 @@ Thing = TypeVar("Thing", bound=Named)
 
 @dataclass
 class NamedThings(Generic[Thing]):
-    """Things by name, in the order in which they were found. The navigator has one, and so has a policy that sees."""
+    """Things by name, in the order of discovery. The navigator has one; a policy with cameras has its own."""
 
     entries: dict[str, Thing] = field(default_factory=dict)
 
@@ -116,7 +116,7 @@ class KnowledgeBase(NamedThings[Entry]):
             self.entries[inner].inside, self.entries[inner].held = None, False
 
     def find(self, phrase: str, room: str | None = None) -> list[Entry]:
-        """Entries that `phrase` names and that are likely enough there (`LIKELY`), what is not yet put away first.
+        """Likely entries (see `LIKELY`) for `phrase`; those not yet put away come first.
 
         What is called just so comes before what the words may mean, see `calls`: where there is the one, the other is
         left out. Our choice: what is still to be picked up comes first, by `away`, so that "a can of soda" means such a
@@ -139,7 +139,7 @@ class KnowledgeBase(NamedThings[Entry]):
         return entry.held, self.put_in(entry), entry.laid, entry.inside is not None
 
     def put_in(self, entry: Entry) -> bool:
-        """Whether the robot put it into furniture, or it or others into the container that it is in, or carries that.
+        """Whether the robot put it into furniture, somebody put it into its container, or the robot carries it.
 
         What is seen in a bin after a shake may be known anew, as something that nobody laid there.
         """
@@ -151,7 +151,7 @@ class KnowledgeBase(NamedThings[Entry]):
         self, found: list[Entry], phrase: str, within: Callable[[str], Collection[str]] | None = None,
         stands_open: Callable[[str], bool] | None = None,
     ) -> list[Entry]:  # fmt: skip
-        """Those that are empty, or with or without something in them, where a phrase says so; all if none is.
+        """Those that are empty, or with or without contents, as the phrase says; all if none is.
 
         Args:
             found: What the phrase may mean.
@@ -179,7 +179,7 @@ class KnowledgeBase(NamedThings[Entry]):
         return fitting or found
 
     def joined(self, places: list[Entry]) -> list[Entry]:
-        """Those of several places where something lies that is called like what the robot carries; all if none is.
+        """Of several places, those that already hold a thing named like the payload; all if there is none.
 
         Our choice: what is alike is taken to one place, so that "the tree" is the one where the first egg was laid.
         """

@@ -113,7 +113,7 @@ class LanguagePlanner:
         raise NoPlan("bad_answer", "\n  ".join([head, *told(found)]), tuple(answers))
 
     def _keep(self, answer: Answer) -> str:
-        """Write an answer to its file; what to say of that."""
+        """Write an answer to its file. Returns a note on the place."""
         if self._last_answer is None:
             return ""
         self._last_answer.parent.mkdir(parents=True, exist_ok=True)
@@ -154,7 +154,7 @@ def checked(
     grounding: PlanningContext | None = None,
     begins: bool = True,
 ) -> tuple[Plan | None, list[Problem]]:
-    """The plan that the data of an answer is, and all that is wrong with it.
+    """The plan from an answer's data, and all problems of it.
 
     Args:
         data: Of `read_answer`; untrusted.

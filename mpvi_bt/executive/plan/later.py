@@ -79,7 +79,7 @@ class LaterPlanner:
         return takewhile(self._drives, range(unit - 1, -1, -1))
 
     def _holds(self, sides: tuple[str, ...]) -> Iterable[tuple[int, int]]:
-        """The units between which something is held; what is never let go of has an end of its own beyond the plan."""
+        """The units between taking and releasing a payload; one never released is held beyond the plan's end."""
         hands, taken = Hands(sides), dict[int, int]()
         for number, unit in enumerate(self._units):
             for i in () if self._drives(number) else unit:
@@ -90,7 +90,7 @@ class LaterPlanner:
         yield from ((taken[kept], len(self._units) + taken[kept]) for kept in hands.held)
 
     def _open(self) -> Iterable[tuple[int, int]]:
-        """The units between which something is open that the plan opens and closes."""
+        """The units between opening and closing a thing, for things that the plan closes."""
         opened: dict[str, int] = {}
         for number, unit in enumerate(self._units):
             for call in (self._calls.get(i) for i in unit):

@@ -37,11 +37,11 @@ class Hands:
 
     @property
     def held(self) -> frozenset[int]:
-        """The segments that took what is in the hands."""
+        """The segments that took the payloads now in hand."""
         return frozenset(held.segment for held in self._held)
 
     def take(self, call: SkillCall | None, segment: int) -> str | None:
-        """Go on by one segment, of which `call` is the skill; what speaks against it, if anything certainly does."""
+        """Go on by one segment with the skill `call`. Returns a certain conflict, if there is one."""
         if call is None:
             self._held.clear()
             return None
@@ -79,7 +79,7 @@ class Hands:
 
 
 def _clash(needed: str, holding: list[_Held]) -> str | None:
-    """What to say where hands that are needed hold something, or None where they do not."""
+    """A message if the needed hands hold something; else None."""
     if not holding:
         return None
     things = " and ".join(f"the {held.thing} is held since segment {held.segment + 1}" for held in holding)

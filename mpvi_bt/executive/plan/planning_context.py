@@ -16,7 +16,7 @@ LONGEST_NAME = 60  # characters
 
 @dataclass(frozen=True, eq=False)
 class PlanningContext:
-    """What is where, and what the robot has: the same that navigation, detectors and policies are given.
+    """The places and the robot's hands, as navigation, detectors and policies know them.
 
     Attributes:
         rooms: Name of each room, such as "living_room", to what its fixtures are called, one name a fixture.

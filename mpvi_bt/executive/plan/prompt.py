@@ -123,7 +123,7 @@ def user_text(instruction: str, situation: str = "") -> str:
 
 
 def repair(answer: str, problems: Sequence[Problem]) -> list[Message]:
-    """The messages that show a model its answer and all that is wrong with it."""
+    """Messages that show a model its answer and all problems of it."""
     lines = [f"- {line}" for line in told(problems)]
     text = "\n".join(["That can't be carried out as it is:", *lines, "Answer with the whole plan, mended."])
     return [Message("assistant", _shortened(answer)), Message("user", text)]

@@ -1,4 +1,4 @@
-"""What a skill needs and what it brings about, told by the slots of its phrases."""
+"""A skill's needs and effects, in terms of its phrases' slots."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ class SkillEffects(Terms):
 
     @property
     def put(self) -> Pair | None:
-        """The payload that a hand has let go of, and where it is."""
+        """The payload after release, and its place."""
         return self.inside or self.beside
 
     @property
     def beside(self) -> Pair | None:
-        """As `put`, but not into a container: that may be in a hand, and what something stands on or beside is not."""
+        """As `put`, but not into a container. Only a container may itself be in a hand."""
         return self.ontop or self.nextto or self.under
 
     @property
     def target(self) -> Slot | None:
-        """Where the hand goes: to the payload that it takes, or to the place of the one that it holds."""
+        """The hand's target: the payload to take, or the place for the one it holds."""
         return self.put[1] if self.put is not None else self.held

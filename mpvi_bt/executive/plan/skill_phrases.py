@@ -21,7 +21,7 @@ _ENDING = re.compile(r"\{\w*:([\w\s-]+)[^{}]*\}")
 
 
 def example(phrase: str) -> str:
-    """What a phrase reads like, such as "pick up {object}": first alternatives, and nothing that may be left out."""
+    """An example of a phrase, such as "pick up {object}": first alternatives, no optional parts."""
     text = _ENDING.sub(r"\1", phrase)
     while (shorter := re.sub(r"\[[^\[\]]*\]|\(([^()|\[\]]*)(?:\|[^()\[\]]*)?\)", r"\1", text)) != text:
         text = shorter

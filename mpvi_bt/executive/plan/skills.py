@@ -24,7 +24,7 @@ Named = TypeVar("Named", SkillNeeds, SkillEffects, tuple[Slot, ...])
 
 
 class Trigger(Record):
-    """What proprioception shows when the primitive has ended, and the camera that then sees the result.
+    """The proprioceptive event at the end of a primitive, and the camera that then sees the result.
 
     Attributes:
         event: A hand has taken hold ("grasp") or has let go ("release"), what it holds has been moved and stands
@@ -116,7 +116,7 @@ class SkillCall:
 
     @property
     def motion(self) -> str:
-        """The skill whose motion does it: its own name, or that of the one that it is like."""
+        """The skill with the motion: itself, or the skill that it is `like`."""
         return self.skill.like or self.skill.name
 
     @property
@@ -126,7 +126,7 @@ class SkillCall:
 
     @property
     def target(self) -> str | None:
-        """What the hand goes to: the thing that it takes, or the place where it puts one; None: nobody says."""
+        """The target of the hand: the thing to take, or the place to put it; None: unknown."""
         return self.arguments.get(self.skill.effects.target or "")
 
     @property

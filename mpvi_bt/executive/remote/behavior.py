@@ -75,7 +75,7 @@ class Behavior:
         )
 
     def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """`action`, and `action_chunk` where several are asked for; with a leading 1 where observations have one."""
+        """`action`, and `action_chunk` if several are wanted; with a leading 1 if observations have one."""
         theirs = layout.action_for(actions).astype(np.float32)
         if any(isinstance(v, np.ndarray) and v.ndim == 2 for k, v in asked.items() if str(k).endswith("::proprio")):
             theirs = theirs[None]

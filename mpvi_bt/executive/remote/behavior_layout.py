@@ -1,4 +1,4 @@
-"""BEHAVIOR's proprioception and action as numbers: one table of what stands where, for both directions.
+"""BEHAVIOR's proprioception and action as numbers: one table of places, for both directions.
 
 `encoded` makes an R1Pro's numbers of what a robot feels, as the evaluator sends them; `decoded` is its inverse. Names
 of the entries are BEHAVIOR's (`PROPRIOCEPTION_INDICES` in its `eval_utils.py`).
@@ -84,7 +84,7 @@ def encoded(
     base_velocity: BaseVelocity | None = None,
     loaded_at: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Array:
-    """(256,) or (61,) the numbers of what a robot feels; of one that is no R1Pro the nearest (`retargeting`).
+    """(256,) or (61,) the numbers of proprioception; another robot's as the nearest R1Pro's (`retargeting`).
 
     Efforts are not felt here and are 0.
 
@@ -145,7 +145,7 @@ def _felt(body: Proprioception) -> dict[str, Array]:
 
 
 def _world_fields(body: Proprioception, loaded_at: Array) -> dict[str, Array]:
-    """Entries of 2025 that tell where the base is in the world."""
+    """Entries of 2025 for the base's pose in the world."""
     x, y, yaw = (float(number) for number in body.base_pose)
     turns, velocity = np.array([0.0, 0.0, yaw]), _turned(body.base_velocity, yaw)
     away = matmul(kin.inverse(kin.base(loaded_at)), kin.base(body.base_pose))
@@ -228,7 +228,7 @@ def decoded(
 
 
 def velocity_of_base(fields: Mapping[str, Array]) -> Array:
-    """(3,) in the robot's frame: that of 2025 is turned out of the frame that the robot was loaded at."""
+    """(3,) in the robot's frame. The 2025 fields are turned from the frame in which the robot was loaded."""
     return _turned(fields["base_qvel"], -fields["base_qpos"][2]) if "base_qpos" in fields else fields["base_qvel"]
 
 

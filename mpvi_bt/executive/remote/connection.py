@@ -143,7 +143,7 @@ class _Websocket(ClientConnection):
         super().__init__(channel, protocol, **options)
 
     def handshake(self, *args: Any, **options: Any) -> None:
-        """Raise what is wrong with what the server said, rather than what came of that.
+        """Raise the first error in the server's answer, not the later error that it caused.
 
         To websockets a server that speaks before it is asked, such as of SSH or mail, is an AssertionError at times.
         """
@@ -204,7 +204,7 @@ def _shut_down(channel: socket.socket) -> None:
 
 
 def _said(text: str) -> PolicyError:
-    """The error that a server tells of in a text frame: a traceback, whose last line says what was wrong."""
+    """The error in a server's text frame: the last line of its traceback."""
     return PolicyError("server_error", f"the server says: {one_line(text.strip().rpartition(chr(10))[2])}")
 
 
@@ -261,7 +261,7 @@ def key_of_environment() -> str:
 
 
 def _refused(error: Exception, proxy: str) -> PolicyError:
-    """What to say if a server that answered like that is not there in the end. Raises it if waiting cannot help.
+    """The error to report if a refusing server never comes up. Raises it at once if waiting cannot help.
 
     Args:
         error: Of the connection.

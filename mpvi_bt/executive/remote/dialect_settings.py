@@ -207,7 +207,7 @@ class Image(Record):
 
 
 class Observation(Record):
-    """What the server is sent, by the key that it knows it by; a "." in a key goes one mapping deeper.
+    """The server's observation, by its own keys; a "." in a key goes one mapping deeper.
 
     Attributes:
         prompt: Key of the prompt; None: the server has one of its own.

@@ -1,4 +1,4 @@
-"""The whole observation of a policy as a message: what `mpvi serve` takes, so that any of our policies can be served.
+"""The whole observation of a policy as a message of `mpvi serve`, so that it can serve any of our policies.
 
 It is the observation as policies see it in process, with mappings for its parts (table in docs/policies.md), and what
 such a policy is told besides. Nothing is lost on the way: what is read equals what was written bit by bit.

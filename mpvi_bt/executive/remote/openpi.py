@@ -69,7 +69,7 @@ def question(
 
 
 def cameras_of(message: Mapping[str, Any], settings: DialectSettings, before: tuple[str, ...]) -> tuple[str, ...]:
-    """The cameras whose pictures a server wants next, of those that the settings map; as before if it does not say."""
+    """The server's wanted cameras for its next answer, among those of the settings; unchanged if it names none."""
     wanted = message.get("cameras")
     if isinstance(wanted, list) and all(isinstance(c, str) and c in CAMERAS for c in wanted):
         return tuple(camera for camera in settings.cameras if camera in wanted)
@@ -172,7 +172,7 @@ class OpenpiPolicy:
         raise AssertionError("unreachable")
 
     def _doubt(self, reason: str) -> str:
-        """That the settings may not fit, where a server has refused the first observation without saying why."""
+        """A hint that the settings may not fit, if a server refused the first observation without a reason."""
         if self._answered or reason not in ("server_error", "server_closed") or not self.connections:
             return ""
         others = ", ".join(name for name in paths.names("policies") if name != self._called)
@@ -233,7 +233,7 @@ class OpenpiPolicy:
         return actions
 
     def _hear_rate(self, about: Mapping[str, Any]) -> None:
-        """Take in what metadata or an answer says of its rows. Raises PolicyError: that is no rate, or no kind."""
+        """Take in the rate of rows from metadata or an answer. Raises PolicyError: not a rate, or an unknown kind."""
         name = next((name for name in RATE_NAMES if name in about), None)
         if name is not None:
             try:

@@ -110,7 +110,7 @@ class Session:
         return {"cameras": list(self._policy.cameras), "actions": kind, **self._rate({})}
 
     def _rate(self, observation: Mapping[str, Any]) -> dict[str, float]:
-        """The rate of the rows that answer an observation, where anybody says it."""
+        """The rate of the rows of an answer, if anybody says it."""
         rate_hz = observation.get("rate_hz", getattr(self._policy, "rate_hz", None))
         return {} if rate_hz is None else {"rate_hz": float(rate_hz)}
 

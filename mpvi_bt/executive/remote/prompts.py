@@ -17,7 +17,7 @@ _PROMPT = "task"  # its key in comet's file
 
 
 def check_prompts(given: str, marks: SourceMarks, at: tuple[str, ...]) -> Path:
-    """The path of a file of prompts that is named in another file; relative to that one's folder.
+    """The path of a file of prompts, relative to the folder of the file that names it.
 
     Args:
         given: Its path.

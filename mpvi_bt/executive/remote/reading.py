@@ -54,7 +54,7 @@ class Dialect(Protocol):
         ...
 
     def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
-        """What an observation says. Raises BadMessage: what is wrong, where, and what would be right."""
+        """Read an observation. Raises BadMessage: the mistake, its place, and a correct form."""
         ...
 
     def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The world of a robot that is elsewhere: each observation that comes in is a step, whose action goes out.
+"""The world of a remote robot. Each observation is a step, and its action is the reply.
 
 To the loop it is a `World` like any other. What drives the robot, such as an evaluator, has the clock: `step` hands the
 command over and waits for the next observation.
@@ -91,7 +91,7 @@ class RemoteRobot:
         return self._images[camera]
 
     def take(self, reading: Reading, odometry: Array) -> None:
-        """Take in an observation; `odometry`: (3,) where the base is if that does not say."""
+        """Take in an observation; `odometry`: (3,) the base's place if the observation has none."""
         told, action = reading.body, self._action
         pose = told.base_pose if reading.placed else odometry
         self._body = replace(
@@ -133,7 +133,7 @@ class RemoteWorld(StepClock):
     """
 
     def __init__(self, model: RobotModel, first: Reading, line: RobotConnection) -> None:
-        """Begin with an observation, which places the origin where the base is if it does not say where that is."""
+        """Begin with an observation. If it has no base pose, the base's place now is the origin."""
         self.robot = RemoteRobot(model, first, line)
         self._line, self._reading = line, first
         self._told: list[Array] = []

@@ -1,4 +1,4 @@
-"""A two-armed robot's joints as an R1Pro's, and back, so that what was made for R1Pro can be tried on another robot.
+"""A two-armed robot's joints as an R1Pro's, and back: settings for R1Pro can be tried on another robot.
 
 The trunk goes by its posture, which means the same for every robot: the nearest one that the other trunk can take. Arms
 keep their first four joints, which turn about the same axes; the last three turn the hand as it was in the frame of the
@@ -99,7 +99,7 @@ def _turn(robot: RobotModel, q: Array) -> Array:
 
 
 def _wrist(M: Array, robot: RobotModel, near: Array) -> Array:
-    """(3,) the last three joints that turn the hand like that, nearest to a posture (7,)."""
+    """(3,) the last three joints for this turn of the hand, nearest to a posture (7,)."""
     if _last(robot) == "x":  # its second joint turns by less than a right angle, so that there is one way only
         bend = math.asin(min(1.0, max(-1.0, -M[2, 0])))
         return np.array([math.atan2(M[1, 0], M[0, 0]), bend, math.atan2(M[2, 1], M[2, 2])])

@@ -1,4 +1,4 @@
-"""What a policy server counts, and the text in which Prometheus reads it."""
+"""Counts of a policy server, and their text for Prometheus."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def with_task(settings: DialectSettings, task: str | None, number: int | None) -
 
 
 def check_robot(settings: DialectSettings, robot: RobotModel, called: str = "of the policy") -> None:
-    """Raise UserError where the settings are of a body that the robot does not have, with the robots that have it.
+    """Raise UserError if the robot lacks a joint or hand of the settings; the message names robots that fit.
 
     Args:
         settings: As loaded.
@@ -58,7 +58,7 @@ def check_robot(settings: DialectSettings, robot: RobotModel, called: str = "of 
 
 
 def unfit(settings: DialectSettings, robot: RobotModel) -> str:
-    """What settings have that a robot lacks, or ""."""
+    """The first part of the settings that the robot lacks, or ""."""
     observation, action = settings.observation, settings.action
     vectors = list(observation.state.values()) if observation is not None else []
     of_behavior = action.dialect is not None or any(vector.dialect is not None for vector in vectors)

@@ -1,4 +1,4 @@
-"""What a remote policy is sent and what it answers, made of our observation and into our actions by its settings."""
+"""Our observation as a remote policy's message, and its answer as our actions, by settings."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def resize_with_crop(pixels: np.ndarray[Any, Any], height: int, width: int) -> n
 
 
 def _scaled(pixels: np.ndarray[Any, Any], height: int, width: int) -> np.ndarray[Any, Any]:
-    """A picture (H, W), whose nearest pixels are taken, or (H, W, C), which are blended, of another size."""
+    """A picture of another size: (H, W) by nearest pixels, (H, W, C) blended."""
     h, w = pixels.shape[:2]
     if (h, w) == (height, width):
         return pixels
@@ -121,7 +121,7 @@ def _blended(pixels: np.ndarray[Any, Any], size: int) -> np.ndarray[Any, Any]:
 
 @lru_cache(maxsize=32)
 def _taps(old: int, new: int) -> list[tuple[NDArray[np.intp], NDArray[np.float32]]]:
-    """Rows, and what they weigh, that each of `new` rows is the sum of: the nearer, the heavier (a triangle).
+    """The rows and weights whose sum is each of `new` rows; nearer rows weigh more (a triangle).
 
     The triangle is as wide as two of the larger pixels, so that shrinking skips nothing.
     """
@@ -150,7 +150,7 @@ def state(body: Proprioception, layout: Vector) -> np.ndarray[Any, Any]:
 
 
 def felt(body: Proprioception, part: Felt) -> Array:
-    """(n,) a part of what the robot feels, by the name that settings have for it."""
+    """(n,) a part of proprioception, by its name in settings."""
     name, _, last = part.rpartition("_")
     if last not in ("left", "right"):
         return np.asarray(getattr(body, part), float)
@@ -198,7 +198,7 @@ def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioce
 
 
 def _fitting(key: str, reply: Any) -> str:
-    """What settings the reply to an observation would fit, where it is of another dialect; else nothing."""
+    """A hint at settings that fit the reply, if it is of another dialect; else nothing."""
     for settings, theirs in _ANSWERED.items():
         if isinstance(reply, dict) and theirs in reply and theirs != key:
             return f". So a server answers that {settings} fit"

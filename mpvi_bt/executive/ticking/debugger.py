@@ -1,4 +1,4 @@
-"""Pauses an episode where a person wants to look, and asks what to do next.
+"""Pauses an episode for a person to look at, and asks how to go on.
 
 It watches and may block, but never steers: what it does to an episode is what Ctrl-C does.
 """
@@ -142,7 +142,7 @@ class Debugger(Watcher):
             self._ask(tree)
 
     def _look(self, tree: Tree) -> tuple[list[str], list[str]]:
-        """Paths of the nodes that began in this tick, and what changed in it, for a person."""
+        """Paths of the nodes begun in this tick, and its changes, for a person."""
         begun, changed = [], []
         for node in dict.fromkeys(tree.touched):
             path, now, before = str(vars(node)["path"]), node.status, self._seen.get(node, Status.INVALID)
@@ -176,7 +176,7 @@ class Debugger(Watcher):
                 return
 
     def _line(self) -> str:
-        """What is typed; Ctrl-C is the answer that stops, at once."""
+        """The typed line. Ctrl-C means stop, at once."""
         if threading.current_thread() is not threading.main_thread():
             return self._source.readline()
         before = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -228,7 +228,7 @@ class Debugger(Watcher):
 
 
 def _failures(tree: Tree) -> list[Failure]:
-    """Those that were given up, then those of nodes that stand failed now, each once, in the order of time."""
+    """Recorded failures and those of nodes that stand failed now, each once, in the order of time."""
     standing = (getattr(node, "failure", None) for node in tree.nodes.values() if node.status == Status.FAILURE)
     found = [*tree.context.log.failures, *(failure for failure in standing if failure is not None)]
     return sorted(dict.fromkeys(found), key=lambda failure: failure.time_s)

@@ -40,5 +40,5 @@ class GoalReport:
 
 
 def conditions_met(conditions: Sequence[bool]) -> float:
-    """Share of a goal's conditions that hold, 0..1, higher is better; 1 of a goal that asks for nothing."""
+    """Share of a goal's conditions that hold, 0..1, higher is better; 1 if the goal has none."""
     return sum(conditions) / len(conditions) if conditions else 1.0

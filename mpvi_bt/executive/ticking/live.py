@@ -46,7 +46,7 @@ class LiveTree:
         self._shown: TreeSpec | None = None
 
     def show(self, spec: TreeSpec) -> None:
-        """Draw a tree that does not run yet, so that a person sees it while the world is being built."""
+        """Draw a tree before it runs, so that a person sees it while the world is built."""
         self._shown = spec
         if self._terminal:
             self._redraw(spec, {}, "waiting for the world")
@@ -55,7 +55,7 @@ class LiveTree:
             self._write([cut(self._title, WIDTH), *lines] if self._title else lines)
 
     def wait(self, what: str) -> None:
-        """Say what the run waits for: in place of its time, or in a line of its own where piped."""
+        """Show the reason for waiting: in place of the time, or as a line of its own if piped."""
         if self._terminal and self._shown is not None:
             self._redraw(self._shown, self._tree.states() if self._tree else {}, what)
         else:

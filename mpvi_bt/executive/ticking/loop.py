@@ -248,7 +248,7 @@ def run_episode(
 
 
 def _blame_model(outcome: Outcome, time_s: float) -> None:
-    """What was not complete is no fault of tree or policy where the checker's model refused every question."""
+    """Blame the checker's model, not tree or policy, if it refused every question of a failed run."""
     queries = outcome.log.queries
     if outcome.complete or outcome.ending == "interrupted" or {query.fault for query in queries} != {"refused"}:
         return

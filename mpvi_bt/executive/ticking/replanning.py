@@ -116,7 +116,7 @@ class Replanner:
 
 @dataclass(frozen=True)
 class _Replanned:
-    """What the planner said: a plan, that nothing is left to do, or what is wrong with its answers."""
+    """The planner's answer: a plan, nothing left to do, or an error."""
 
     plan: Plan | None
     answers: Sequence[Answer] = ()
@@ -136,7 +136,7 @@ class _Replanned:
 
 
 def _rest(planner: Planner, name: str, instruction: str, history: History) -> _Replanned:
-    """Ask. A failure that took its time is an answer too, which comes when that has passed; others are raised."""
+    """Ask for a new plan. A failure after some planning time is an answer too; other errors are raised."""
     try:
         planned = planner.ask(name, instruction, history)
     except NoPlan as error:
@@ -198,7 +198,7 @@ def _came_to(segments: int | None, said: str) -> str:
 
 
 def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[SeenObject] = ()) -> History:
-    """What came of a sequence up to the `attempt` at `path`, which has just failed, and what would come after it."""
+    """The history for replanning: units before the failed `attempt` at `path`, its failure, and the units after it."""
     row = row_of(tree.spec, path) or (path,)
     placed = {node.path: node for node in tree.spec.nodes}
     place = row.index(path)
@@ -210,7 +210,7 @@ def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: 
 
 
 def things(known: Iterable[Entry]) -> list[SeenObject]:
-    """What a knowledge base holds of what was seen, carried things first, then the surest; none of a prior map."""
+    """Things seen, of a knowledge base: carried ones first, then the surest; nothing of a prior map."""
     by_name = {entry.name: entry for entry in known}
     seen = [e for e in by_name.values() if e.kind != "room" and e.source != "prior" and e.confidence >= LIKELY]
     return [
@@ -240,7 +240,7 @@ def _unit(context: Context, placed: Mapping[str, Placed], path: str, failure: Fa
 
 
 def _said(placed: Mapping[str, Placed], path: str) -> str:
-    """What a node is to do: the prompt below it, which names cut short, or its name without its number."""
+    """A node's task: the prompt below it (a name would cut it short), or its name without the number."""
     node = inner = placed[path]
     while inner.children:
         inner = placed[inner.children[0]]

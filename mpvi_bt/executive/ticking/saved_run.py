@@ -17,7 +17,7 @@ from mpvi_bt.ground.marked_yaml import Record
 
 
 class SavedWorld(Record):
-    """What a world says of itself: how many control steps it has taken, and what it needs beside."""
+    """A world's saved state: its number of control steps, and its own data."""
 
     model_config = ConfigDict(extra="allow")
 

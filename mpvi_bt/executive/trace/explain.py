@@ -213,11 +213,11 @@ class _History:
         self.moment.apply(tick)
 
     def gave_up(self, path: str) -> Link:
-        """A node that passes over a failure, and what came of the new plan that it asked for, if it did."""
+        """A node that passed over a failure, and the result of the new plan if it asked for one."""
         return replace(self.link(path), replanned=self.replanned.pop(path, None))
 
     def recovery(self, path: str) -> Recovery | None:
-        """What a retry or a selector that succeeds has recovered from; None of other nodes, or from nothing."""
+        """The recovery of a successful retry or selector; None for other nodes or without a failure."""
         placed = self.placed[path]
         if placed.spec.kind not in ("retry", "selector"):
             return None
@@ -233,7 +233,7 @@ class _History:
         return Recovery(node, failed, self.placed[good[-1]].spec.label if good else "", tries)
 
     def _swap(self, tree: TreeSpec) -> None:
-        """Forget how nodes stood that are others now. Their failures stay: they are part of what happened."""
+        """Forget the states of replaced nodes. Their failures stay: they are part of the history."""
         before, self.placed = self.placed, {placed.path: placed for placed in tree.nodes}
         for path, placed in before.items():
             now = self.placed.get(path)
@@ -263,7 +263,7 @@ class _History:
         )
 
     def running(self) -> tuple[Link, ...]:
-        """The deepest nodes that run, with what was asked there since they began."""
+        """The deepest running nodes, with the checker's questions since they began."""
         links = self._deepest(self.moment.tree.nodes[0].path, "RUNNING")
         return tuple(replace(link, asked=self._asked(replace(link, time_s=self.moment.time_s))) for link in links)
 
@@ -279,7 +279,7 @@ class _History:
         )
 
     def _failed_below(self, link: Link) -> tuple[Link, ...]:
-        """The children that failed in this round of a node, those that were reset since too (by a selector)."""
+        """The children that failed in this round of a node, also those since reset (by a selector)."""
         found = []
         for child in self.placed[link.path].children:
             state = self.moment.nodes.get(child, _NEVER)
@@ -296,7 +296,7 @@ class _History:
         return tuple(found)
 
     def _deepest(self, path: str, status: Status, since_s: float | None = None) -> Iterator[Link]:
-        """The deepest nodes at or below `path` that run, or that were interrupted at a time."""
+        """The deepest nodes at or below `path` that run, or were interrupted at a time."""
         inner = [found for child in self.placed[path].children for found in self._deepest(child, status, since_s)]
         yield from inner
         state = self.moment.nodes.get(path, _NEVER)
@@ -305,7 +305,7 @@ class _History:
             yield self._bare(path)
 
     def _earlier(self, link: Link) -> tuple[Link, ...]:
-        """Failures below a node, in its round, that did not end it; each at the node where it began."""
+        """Failures below a node in its round that did not end it, each at the node of its origin."""
         found = [
             self._bare(path, failed)
             for path, failures in self.failures.items()

@@ -132,7 +132,7 @@ class _WrappedLines:
             self.reasons(below, depth)
 
     def recovery(self, recovery: Recovery, depth: int) -> None:
-        """A node that went on in spite of failures, these, and what succeeded then."""
+        """A node that went on in spite of failures, those failures, and the later success."""
         self.head(recovery.node, depth)
         for failed in self.last(recovery.failed, "earlier failures", depth + 2):
             self.add(f"{failed.time_s:.1f} s: {failed.label}: {_why(failed)}", depth + 2)
@@ -140,7 +140,7 @@ class _WrappedLines:
         self.add(f"{recovery.node.time_s:.1f} s: {what}", depth + 2)
 
     def replanned(self, link: Link, depth: int) -> None:
-        """What came of the new plan that it asked for."""
+        """The result of its request for a new plan."""
         if (plan := link.replanned) is None:
             return
         count = f"{plan.segments} segment{'s' * (plan.segments != 1)}"
@@ -149,7 +149,7 @@ class _WrappedLines:
         self.add(f"then {came}{took}", depth)
 
     def handoffs(self, all_: Sequence[Diagnosis], untold: int) -> None:
-        """What the policy did whenever it had control: whole of those that were not complete, a line of the others."""
+        """The policy's handoffs: those not complete in full, and a count of the others."""
         short = [one for one in all_ if not one.handoff.complete]
         confirmed = f"{len(all_) - len(short)} confirmed by a checker"
         count = f"{len(all_)} handoff{'s' * (len(all_) != 1)} to the policy, {confirmed}"

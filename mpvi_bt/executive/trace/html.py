@@ -82,7 +82,7 @@ class PageFrames:
 
 
 def _said(tick: Tick) -> Iterable[dict[str, Any]]:
-    """Answers of the checker, what hands felt, new plans, handoffs that ended: of whom, what, and how it is marked."""
+    """Notes of a tick for the page: checker answers, grasps felt, new plans and ended handoffs, each with its node."""
     for answer in tick.queries:
         seen = f" ({answer.camera})" if answer.camera else ""
         text = f"{answer.criterion}? {answer.said}{seen}: {spoken_text(answer.reason)}"
@@ -167,7 +167,7 @@ def told_end(end: End, text: str, gave_up: int) -> dict[str, Any]:
 
 
 def _stood(end: End, gave_up: int) -> Standing:
-    """What the end comes down to: by the goal where there is one."""
+    """Standing at the end: by the goal, if there is one."""
     if end.ending not in ("failure", *WELL):
         return "interrupted"
     if end.q is not None:
@@ -184,13 +184,13 @@ def told_facts(config: Mapping[str, Any], seed: int | None, started: str, versio
 
 
 def _shown(value: object) -> str | None:
-    """A value of the blackboard as JSON writes it, so that the text "1" is not the number 1; None where it is gone."""
+    """A blackboard value as JSON writes it: the text "1" is not the number 1. None if it is gone."""
     return None if value is None else one_line(json.dumps(value, ensure_ascii=False))
 
 
 @dataclass(frozen=True)
 class More:
-    """What a page has beside what every page has.
+    """Additions to the common page.
 
     Attributes:
         script: It runs before the page starts.
@@ -224,7 +224,7 @@ def page(tree: TreeSpec, data: dict[str, Any], more: More = More()) -> str:
 def filled(
     template: str, title: str, script: str, style: str, allows: str, data: str, scripts: str = "", styles: str = ""
 ) -> str:
-    """A page of ours that runs its own script and style, and nothing else that is not named.
+    """A page of ours that runs only its own script and style, and sources named here.
 
     Args:
         template: With title, policy, style, data and script to fill in.

@@ -51,7 +51,7 @@ class CheckerAnswer:
 
 @dataclass(frozen=True)
 class Noticed:
-    """What a hand felt of its grasp: that it closed on nothing ("empty"), or that what it held is gone ("lost").
+    """A bad grasp that a hand felt: it closed on nothing ("empty"), or it lost its payload ("lost").
 
     Attributes:
         kind: "empty" or "lost".
@@ -173,7 +173,7 @@ class End:
 
 @dataclass(frozen=True)
 class Header:
-    """What a trace begins with: version of the format, version of mpvi_bt, the tree, and what the run was given.
+    """The head of a trace: version of the format, version of mpvi_bt, the tree, and the run's settings.
 
     Attributes:
         kinds: Those of the tree's kinds of node that other packages add, and the package of each.

@@ -171,7 +171,7 @@ class Trace:
         return here.time_s + share * (after.time_s - here.time_s)
 
     def states_at(self, tick: int) -> dict[str, NodeState]:
-        """Every node's state at a tick of that number, of those that run with the time that passed up to it."""
+        """Every node's state at a tick, by its number; a running node's state has the time until then."""
         i = self.index_at(tick)
         return self._after(i).states(self.time_at(tick)) if i >= 0 else {}
 

@@ -160,7 +160,7 @@ class Tree:
         return states
 
     def accept(self, path: str, said: str) -> None:
-        """After the last tick, let a node that failed, and those above it that failed by it, stand as succeeded.
+        """After the last tick, mark a failed node, and the parents it failed, as succeeded.
 
         Args:
             path: Of the node.
@@ -356,7 +356,7 @@ def _check(spec: TreeSpec, changed: str) -> None:
 
 
 def _put(siblings: list[Behaviour], first: int, stop: int, new: list[Behaviour]) -> None:
-    """Put nodes in the place of some siblings, which are stopped; a cursor that was on one is on the first."""
+    """Replace some siblings, which are stopped, by nodes; a cursor on one of them goes to the first."""
     parent, old = siblings[0].parent, siblings[first:stop]
     for node in old:
         if node.status != Status.INVALID:

@@ -71,7 +71,7 @@ def comments_of(text: str, marks: SourceMarks) -> list[Comment]:
 def _tied(
     one: _Found, before: tuple[Position, Location] | None, after: tuple[Position, Location] | None, entries: _Entries
 ) -> Comment:
-    """A comment with what it is about, given what begins before and after it."""
+    """A comment with its subject, found from the entries before and after it."""
     if before is None:
         return Comment(one.text, "above", ())
     if one.beside:

@@ -73,12 +73,12 @@ def compile_plan(
 
 
 def compile_instruction(name: str, instruction: str) -> TreeSpec:
-    """The tree of a policy that is left to itself: told the whole instruction, and never told that it is done."""
+    """The tree of a policy on its own: it gets the whole instruction, and nobody tells it when it is done."""
     return TreeSpec(name, NodeSpec("manipulate", Prompt(prompt=escaped(instruction))), instruction)
 
 
 def prompts_of(plan: Plan) -> list[str]:
-    """What a policy is told that drives, too, unit by unit."""
+    """Prompts of a policy that also drives, one a unit."""
     return [_joined([plan.segments[i] for i in segments]) for segments in units(plan)]
 
 
@@ -165,7 +165,7 @@ def _unit(
 
 
 def _meant(segment: Navigation) -> str:
-    """What to drive to: a target with what the description says of it besides.
+    """The target of a drive, with the details that the description adds.
 
     Of a "cup" the description may say that it is another one ("the last cup"), empty, open or closed, or what is in it
     ("the cup with the pens"). Where it says nothing of the kind it is the target itself.
@@ -183,7 +183,7 @@ def _meant(segment: Navigation) -> str:
 
 
 def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
-    """The policy at work on some segments until the checker says that the last one, done by that skill, is complete."""
+    """The policy at work on some segments, until the checker confirms the last one (done by skill `last`)."""
     prompt = Prompt(prompt=escaped(_joined(parts)))
     criterion = CriterionToCheck(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
     children = (

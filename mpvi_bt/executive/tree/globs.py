@@ -31,7 +31,7 @@ def matching(glob: str, tree: TreeSpec) -> list[str]:
 
 
 def no_match(glob: str, tree: TreeSpec) -> str:
-    """What to tell a person whose glob fits no node, with what is closest: a path, or "*/" and a name."""
+    """The message for a glob that fits no node, with the closest path or "*/" and a name."""
     near = None if _has_wildcards(glob) else nearest(glob, (node.path for node in tree.nodes))
     if near is None:
         names = {_AGAIN.sub("", node.path.rpartition("/")[2]): None for node in tree.nodes}
@@ -43,7 +43,7 @@ def no_match(glob: str, tree: TreeSpec) -> str:
 
 
 def require_match(glob: str, tree: TreeSpec, what: str) -> list[str]:
-    """As `matching`, of a glob that must fit some node; `what` it is given as, such as "--break".
+    """As `matching`, but the glob must fit a node; `what`: the option it came from, such as "--break".
 
     Raises:
         UserError: It fits none.

@@ -1,4 +1,4 @@
-"""Warnings about valid trees that will probably not do what was meant."""
+"""Warnings about valid trees that probably do not do what their author meant."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def check_targets(spec: TreeSpec, phrases: Collection[str], marks: SourceMarks =
 
 
 def _callers(node: NodeSpec, file: str, caller: NodeSpec | None = None) -> Iterator[tuple[NodeSpec, NodeSpec]]:
-    """Every node with the one of this file that can be mended: itself, or the call of the subtree that it is in."""
+    """Every node with the node to mend in this file: itself, or the call of its subtree."""
     if caller is None or node.place is None or file in ("", node.place.file):
         caller = node
     yield node, caller
@@ -133,7 +133,7 @@ class _Linter:
     # Blackboard keys and parameters
 
     def keys(self) -> Iterator[Problem]:
-        """Keys that are read and never written, and those that are written and never read."""
+        """Keys that are only read, and keys that are only written."""
         nodes = [placed.spec for placed in self.spec.nodes]
         written: dict[str, NodeSpec] = {}
         for node in nodes:
@@ -184,7 +184,7 @@ class _Linter:
     # Order, times and prompts
 
     def node(self, node: NodeSpec, above: tuple[tuple[NodeSpec, int], ...]) -> Iterator[Problem]:
-        """What is wrong with a node and those below it; `above`: its parents, and which child of theirs comes next."""
+        """Problems of a node and the nodes below it; `above`: its parents, each with the index of its next child."""
         if node.kind in ("sequence", "selector"):
             yield from self.unreachable(node)
             yield from self.begun_anew(node)
@@ -226,7 +226,7 @@ class _Linter:
                 return
 
     def begun_anew(self, node: NodeSpec) -> Iterator[Problem]:
-        """Of a sequence without memory: what undoes, at every tick, what a child before it had done, for ever."""
+        """A sequence without memory: a child that undoes an earlier child's work at every tick, for ever."""
         if node.kind != "sequence" or getattr(node.parameters, "memory", True):
             return
         for i, child in enumerate(node.children):
@@ -332,7 +332,7 @@ def _can_end(parent: NodeSpec, child: int) -> bool:
 
 
 def _has_a_rest(above: tuple[tuple[NodeSpec, int], ...]) -> bool:
-    """Whether what follows a node, whose parents are `above`, is the rest of its work."""
+    """Whether the nodes behind one with parents `above` are the rest of its work."""
     parent = above[-1][0] if above else None
     return parent is not None and parent.kind == "sequence" and bool(getattr(parent.parameters, "memory", False))
 

@@ -78,5 +78,5 @@ def _any(below: list[Outcomes], end: str) -> bool:
 
 
 def _may_lack_a_value(node: NodeSpec) -> bool:
-    """Whether it fails where a blackboard key that its texts refer to has no value."""
+    """Whether it fails if a blackboard key in its texts has no value."""
     return node.kind != "subtree" and any(isinstance(v, str) and names_in(v) for v in vars(node.parameters).values())

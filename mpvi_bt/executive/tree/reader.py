@@ -45,7 +45,7 @@ def read(data: Any, marks: SourceMarks, reading: TreeReading, arguments: Mapping
 def sketch(
     data: Any, marks: SourceMarks, reading: TreeReading, arguments: Mapping[str, Value] | None = None
 ) -> TreeSpec | None:
-    """As `read`, of a tree that may be wrong: what is wrong with a node makes it a `BrokenNode`.
+    """As `read`, for a tree with errors: a node with a problem becomes a `BrokenNode`.
 
     None if it has no root, or if nodes of its own cannot be read. Raises FileProblems where there are so many problems
     that more are no help.
@@ -93,7 +93,7 @@ def _tree(
 
 
 def _own_nodes(source: TreeSource, reading: TreeReading) -> dict[str, NodeType] | None:
-    """The nodes that a file names under `nodes:`, by kind; None if anything is wrong with them, which is noted."""
+    """The nodes of a file's `nodes:`, by kind; None if any is wrong (the problem is noted)."""
     found: dict[str, NodeType] = {}
     before = len(reading.problems)
     listed = isinstance(source.data, dict) and isinstance(source.data.get("nodes"), list)
@@ -219,7 +219,7 @@ class _TreeReader:
         return self.types[kinds[0]]
 
     def misplaced(self, data: dict[str, Any], at: Location, node_type: NodeType) -> tuple[NodeSpec, ...] | None:
-        """What belongs below a node and stands right behind its kind, which is noted; None if nothing does."""
+        """Children that stand right behind the node's kind; the mistake is noted. None if there are none."""
         key = self.key_below(node_type)
         below = data[node_type.kind]
         if not key or key in data or not isinstance(below, list | dict):
@@ -230,7 +230,7 @@ class _TreeReader:
         return self.below(below, (*at, node_type.kind), ())
 
     def key_below(self, node_type: NodeType) -> str:
-        """The key that holds a node's children or child; "" where it has none."""
+        """The key of a node's children or child; "" if it has none."""
         called = node_type.kind == "subtree" and not self.reading.expanded
         return "" if called else {"composite": "children", "decorator": "child", "leaf": ""}[node_type.family]
 
@@ -285,7 +285,7 @@ class _TreeReader:
         return parameters
 
     def _is_open(self, skill: str, raw: Mapping[str, Any]) -> bool:
-        """Whether a skill is a parameter that has no value, of this tree or of one that calls it."""
+        """Whether the skill is a parameter without a value, of this tree or of its caller."""
         name = references.whole(skill)
         return name is not None and (name in self.unbound or references.whole(raw.get("skill")) in self.values)
 

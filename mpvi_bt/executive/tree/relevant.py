@@ -22,7 +22,7 @@ _THINGS = (
 
 
 def task_relevant(spec: TreeSpec, skills: Mapping[str, Skill]) -> tuple[str, ...]:
-    """Phrases of everything that a tree drives to or that its prompts name, each once, in order.
+    """Phrases of all targets of a tree and all things in its prompts, each once, in order.
 
     (Paper, Navigation appendix: all task-relevant objects are detected throughout.) What is known only while the tree
     runs, a reference to the blackboard, is not among them; a target is looked for at the latest when it is driven to.

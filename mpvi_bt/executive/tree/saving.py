@@ -72,7 +72,7 @@ def _saved(node: Behaviour) -> SavedNode:
 
 
 def restore(tree: Tree, saved: SavedTree) -> None:
-    """Bring a tree that is set up to where another one of the same spec was saved.
+    """Bring a tree after setup to the saved state of another tree of the same spec.
 
     Raises:
         UserError: The saved nodes are not those of this tree, or one's state is not what it can use.

@@ -91,7 +91,7 @@ class BrokenNode(NodeSpec):
 
     @property
     def type(self) -> NodeType:
-        """That of its kind, or one that stands for a kind that there is not."""
+        """The type of its kind, or a placeholder for an unknown kind."""
         return self.own or node_types().get(self.kind) or _NO_TYPE
 
     @property

@@ -36,7 +36,7 @@ _OURS = {word: kind for kind, words in _OTHERS.items() for word in words.split()
 
 
 def meant(given: str, kinds: Iterable[str]) -> str | None:
-    """The kind that a word most probably means, or None: a word for it elsewhere, or one that is near."""
+    """The kind that was probably meant: a word from elsewhere or a near match; else None."""
     known = list(kinds)
     plain = {kind.replace("_", ""): kind for kind in known}
     word = given.replace("_", "").replace("-", "").replace(" ", "").lower()

@@ -116,7 +116,7 @@ class TreeReading:
     depth: int = 0
 
     def add(self, problem: Problem) -> None:
-        """Note a problem. Raises FileProblems where there are so many that more are no help."""
+        """Note a problem. Raises FileProblems if there are too many to be of help."""
         self.problems.append(problem)
         if len(self.problems) >= MAX_PROBLEMS:
             raise FileProblems(self.problems)
@@ -127,7 +127,7 @@ class TreeReading:
 
 
 def head_of(data: Any, marks: SourceMarks, reading: TreeReading) -> TreeFile:
-    """The keys at the top. Problems are noted, and then something that does as well for what comes next is given."""
+    """The keys at the top. After problems, a substitute is given, so that reading can go on."""
     try:
         file = validate_data(data, marks, TreeFile)
     except FileProblems as error:
@@ -151,7 +151,7 @@ def fits(value: Any, kind: str) -> bool:
 
 
 def due(kind: str) -> str:
-    """What a parameter of that type must be, in words."""
+    """The form of a parameter type, in words."""
     return _WORDS[kind]
 
 

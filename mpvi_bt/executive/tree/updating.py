@@ -1,4 +1,4 @@
-"""A tree that runs becomes another version of itself: what is the same goes on, what differs is put in its place."""
+"""Replace the tree of a run by a new version: nodes that did not change go on, others are replaced."""
 
 from __future__ import annotations
 
