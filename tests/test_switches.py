@@ -11,8 +11,8 @@ from mpvi_bt.finding.perception.segmentation import SegmentationDetector
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.house.goals.predicates import toggled_on
-from mpvi_bt.house.sim.switches import PRESSED_STEPS, SWITCH_M
 from mpvi_bt.house.sim.world import SimWorld
+from mpvi_bt.house.states.switches import PRESSED_STEPS, SWITCH_M
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 from tests.small_house import CATALOGUE, placed, small_world
 

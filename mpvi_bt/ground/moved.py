@@ -119,6 +119,7 @@ MODULES: Mapping[str, str] = {  # modules that went elsewhere than their room, o
     "sim.cooking": "house.states.grains",
     "sim.marking": "house.states.marks",
     "sim.mounting": "house.states.mounts",
+    "sim.switches": "house.states.switches",
     "sim.temperatures": "house.states.heat",
     "standard_streams": "ground.standard_streams",
     "version": "ground.version",

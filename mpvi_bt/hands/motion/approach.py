@@ -44,7 +44,7 @@ class Feeling:
     speed_m_s: float = 0.06  # speed of the hand until something stops it [m/s]; a faster one pushes more; our choice
     back_m_s: float = 0.12  # speed of the hand that retreats from what it has touched [m/s]; our choice
     calm_s: float = 0.4  # rest before it [s]; an arm that still swings feels false contacts; our choice
-    pressed_s: float = 0.4  # duration of a press [s]; a switch needs half (`sim.switches.PRESSED_STEPS`); our choice
+    pressed_s: float = 0.4  # duration of a press [s]; a switch needs half (`states.switches.PRESSED_STEPS`); our choice
 
 
 FEEL = Feeling()

@@ -27,12 +27,12 @@ from mpvi_bt.house.sim.bumps import Bumps
 from mpvi_bt.house.sim.cameras import Cameras
 from mpvi_bt.house.sim.dots import Dots
 from mpvi_bt.house.sim.holding import TOUCHING_M, Holding
+from mpvi_bt.house.sim.lights import Lights
 from mpvi_bt.house.sim.looks import ThermalLooks
 from mpvi_bt.house.sim.patches import patch_of
 from mpvi_bt.house.sim.presence import Presence
 from mpvi_bt.house.sim.shaders import PHYSICS_HZ, new_scene
 from mpvi_bt.house.sim.sim_robot import SimRobot
-from mpvi_bt.house.sim.switches import Switches
 from mpvi_bt.house.sim.tying import Ties
 from mpvi_bt.house.sim.whereabouts import Whereabouts
 from mpvi_bt.house.states.cutting import Blades
@@ -42,6 +42,7 @@ from mpvi_bt.house.states.marks import Marking
 from mpvi_bt.house.states.mounts import Mounts
 from mpvi_bt.house.states.recipes import Baking
 from mpvi_bt.house.states.sprayer import Spraying
+from mpvi_bt.house.states.switches import Switches
 from mpvi_bt.house.states.washer import Washing
 from mpvi_bt.house.states.wiping import Wiping
 from mpvi_bt.house.things.catalogue import CatalogueEntry
@@ -111,11 +112,12 @@ class SimWorld(StepClock):
         self._things: dict[str, Thing] = {**self._fixtures, **self._objects}
         self.cameras = Cameras(self._scene) if render else None
         self.robot = self._put_robot(base_pose, robot)
-        self._switches = Switches(self._scene, self._things, visible=render)
-        if self.cameras is not None:
+        self._switches = Switches(self._things)
+        self._lights = Lights(self._scene, self._switches) if render else None
+        if self.cameras is not None and self._lights is not None:
             own = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
-            self.cameras.names = {**things, **self._switches.labels, **own}
+            self.cameras.names = {**things, **self._lights.labels, **own}
             self.cameras.before = self.show_states
         movable = {n: p.entry for n, p in placed.items()}
         entries = {**{n: f.entry for n, f in house.fixtures.items()}, **movable}
@@ -264,7 +266,8 @@ class SimWorld(StepClock):
 
     def show_states(self) -> None:
         """Bring what cameras see of switches, marks and heat to how they are."""
-        self._switches.show()
+        if self._lights is not None:
+            self._lights.show()
         if self._looks is not None:
             self._looks.show(self.heat)
         if (new := self._dots.show(self._marking.marks)) and self.cameras is not None:

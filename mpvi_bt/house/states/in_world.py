@@ -10,8 +10,42 @@ from mpvi_bt.ground.geometry.solids import Array, Solid
 Motion = Mapping[str, list[float]]  # how a thing stands and moves: a pose (xyz, wxyz), velocities, joints
 
 
+class SwitchLike(Protocol):
+    """A button that a fingertip can press, in the frame of a body."""
+
+    @property
+    def center(self) -> Array:
+        """(3,) middle of its face [m]."""
+        ...
+
+    @property
+    def outward(self) -> Array:
+        """(3,) unit vector out of the thing."""
+        ...
+
+    @property
+    def closed_only(self) -> bool:
+        """Whether the thing is on only while it is closed."""
+        ...
+
+    @property
+    def radius_m(self) -> float:
+        """Of what is seen of it."""
+        ...
+
+
 class BodyLike(Protocol):
     """A body of a kind of things, in its own frame."""
+
+    @property
+    def name(self) -> str:
+        """Unique in the thing."""
+        ...
+
+    @property
+    def switches(self) -> tuple[SwitchLike, ...]:
+        """What turns the thing on and off."""
+        ...
 
     @property
     def blades(self) -> tuple[Solid, ...]:
@@ -33,6 +67,11 @@ class FormLike(Protocol):
         ...
 
     @property
+    def bodies(self) -> tuple[BodyLike, ...]:
+        """All of them, the root first."""
+        ...
+
+    @property
     def jointed(self) -> bool:
         """Whether anything in it moves."""
         ...
@@ -44,6 +83,11 @@ class FormLike(Protocol):
 
 class ThingLike(Protocol):
     """One thing that is there, movable or fixed."""
+
+    @property
+    def name(self) -> str:
+        """Unique in the world."""
+        ...
 
     @property
     def description(self) -> FormLike:
@@ -65,8 +109,8 @@ class ThingLike(Protocol):
         """(3,) of its frame, in the world [m]."""
         ...
 
-    def T_world_body(self) -> Array:  # noqa: N802
-        """(4, 4) its pose."""
+    def T_world_body(self, body: str | None = None) -> Array:  # noqa: N802
+        """(4, 4) pose of a body, the root by default."""
         ...
 
     def solids(self) -> Sequence[Solid]:
@@ -75,6 +119,10 @@ class ThingLike(Protocol):
 
     def volumes(self) -> Sequence[Solid]:
         """Where it holds things, in the world."""
+        ...
+
+    def joint_fractions(self) -> Sequence[float]:
+        """Opening of each joint, 0 to 1."""
         ...
 
     def motion(self) -> Motion:
