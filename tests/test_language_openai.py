@@ -208,7 +208,7 @@ NESTED = "[" * 200_000
         (OVER, "bad_answer", "more than 4 MB"),
         (Reply("x" * 65536, endless=True), "bad_answer", "more than 4 MB"),
         (Reply("x" * 65536, 400, endless=True), "bad_answer", "more than 4 MB"),
-        (Reply(b"\x1f\x8b", headers={"content-encoding": "gzip"}), "bad_answer", "packed"),
+        (Reply(b"\x1f\x8b", headers={"content-encoding": "gzip"}), "bad_answer", "compressed"),
     ],
     ids=lambda value: None if isinstance(value, Reply | dict) else str(value)[:20],
 )  # fmt: skip

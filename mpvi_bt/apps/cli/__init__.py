@@ -41,7 +41,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Drive a server as BEHAVIOR's evaluator would, in our house.",
     ),
     "list": ("mpvi_bt.apps.cli.listing:list_", "List tasks, skills, trees, objects, families, backends."),
-    "doctor": ("mpvi_bt.apps.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),
+    "doctor": ("mpvi_bt.apps.cli.doctor:doctor", "Check this machine, and print a command for each problem."),
 }
 
 _HELP = """\

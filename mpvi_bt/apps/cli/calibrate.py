@@ -17,7 +17,7 @@ from mpvi_bt.executive.drawing.terminal import give, tell
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=0.1,
     show_default=True,
-    help="Share of handoffs that go well of which each signal may pass its threshold.",
+    help="Share of good handoffs in which a signal may pass its threshold.",
 )
 @click.option(
     "--out",
@@ -27,7 +27,7 @@ from mpvi_bt.executive.drawing.terminal import give, tell
 )
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object.")
 def calibrate(folder: Path, alpha: float, out: Path | None, as_json: bool) -> None:
-    """Set the thresholds of monitors by the handoffs in FOLDER that went well.
+    """Set the thresholds of monitors from the successful handoffs in FOLDER.
 
     FOLDER holds the results of runs with --unit monitored or --unit intervene, by one policy on one robot.
     """

@@ -24,7 +24,7 @@ FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 @click.argument("tree", type=File("trees"))
 @click.argument("out", type=File(), required=False)
 @click.option(
-    "--to", type=click.Choice(["xml", "yaml"]), help="Format to write. [default: by OUT, or the other one than TREE's]"
+    "--to", type=click.Choice(["xml", "yaml"]), help="Format to write. [default: by OUT, or the one that TREE is not]"
 )
 @click.option(
     "--main-tree", metavar="ID", help="From XML: tree to run. [default: main_tree_to_execute, or the outermost]"
@@ -133,7 +133,7 @@ def _write(out: Path, made: _Made, force: bool) -> list[str]:
     for name, text in made.files.items():
         file = out.with_name(name) if name else out
         if name and file == out:
-            raise UserError(f"{file}: a subtree needs that name. Write to another file.")
+            raise UserError(f"{file}: a subtree needs this file name. Write to another file.")
         if file.suffix == ".py" and file.is_file() and file.read_bytes() != text.encode():
             click.echo(f"kept {file}, which is there already: it must have the nodes of the tree", err=True)
             continue

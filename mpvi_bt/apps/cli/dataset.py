@@ -30,7 +30,7 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     type=click.Choice(("v3.0", "v2.1")),
     default="v3.0",
     show_default=True,
-    help="Of LeRobot's dataset: v3.0 is for lerobot 0.4 and newer, v2.1 for older ones, openpi and openpi-comet.",
+    help="Format of LeRobot: v3.0 for lerobot 0.4 and newer, v2.1 for older ones, openpi and openpi-comet.",
 )
 @click.option(
     "--like",
@@ -42,7 +42,7 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     type=click.Choice(("zero", "world")),
     default="zero",
     show_default=True,
-    help="With --like behavior: 0, as in its demonstrations, or as its evaluator tells it.",
+    help="With --like behavior: 0, as in its demonstrations, or as its evaluator sends it.",
 )
 @click.option(
     "--prompt",
@@ -64,7 +64,7 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     metavar="PIXELS",
     help="Scale and pad all pictures to this width and height.",
 )
-@click.option("--json", "as_json", is_flag=True, help="For programs: what was written, as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: a summary of the dataset, as JSON.")
 def dataset(
     folders: tuple[Path, ...], out: Path, every: bool, prompts: Path | None, as_json: bool, **form: Any
 ) -> None:

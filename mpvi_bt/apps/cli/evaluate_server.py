@@ -41,10 +41,10 @@ EVERY_S = 0.5  # the status line is drawn anew
 @click.option(
     "--batched/--unbatched",
     default=None,
-    help="Whether arrays have a leading 1, as since 3.9.3 of 2026.  [default: as the dialect has it]",
+    help="Whether arrays have a leading 1, as since 3.9.3 of 2026.  [default: by the dialect]",
 )
 @click.option("--chunk", type=click.IntRange(1, 1024), metavar="K", help="Ask for K actions at once; not in 2025.")
-@click.option("--labels", is_flag=True, help="Send labels of pictures, which no evaluator does.")
+@click.option("--labels", is_flag=True, help="Send labels of pictures; no real evaluator does.")
 @click.option("--on-demand", is_flag=True, help="Send only pictures that the server asks for; evaluators send all.")
 @click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand, as BEHAVIOR does.")
 @click.option(
@@ -60,7 +60,7 @@ EVERY_S = 0.5  # the status line is drawn anew
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="Wait so long for the server to start.",
+    help="Longest wait for the server to start.",
 )
 @out_folder("runs/evaluated", "Folder of the results, in the evaluator's layout.")
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")

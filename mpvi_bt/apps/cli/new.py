@@ -57,7 +57,7 @@ def tree(name: str, root: Path | None, as_json: bool) -> None:
     metavar="SKILL",
     default="place_in",
     show_default=True,
-    help="Skill whose motion does this one.",
+    help="Skill with the motion for this one.",
 )
 def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
     """A skill that is done as another one is, named by a verb of its own."""

@@ -69,7 +69,7 @@ class _Drawing:
     shell_complete=complete_param,
     help="Fill in a parameter of the tree.",
 )
-@click.option("--tick", type=click.IntRange(min=0), help="Of a trace: after this tick instead of at the end.")
+@click.option("--tick", type=click.IntRange(min=0), help="Tick of a trace to draw.  [default: the last]")
 @click.option("--json", "as_json", is_flag=True, help="For programs: every node with its path, depth and state.")
 def render(
     tree: str,

@@ -59,7 +59,7 @@ _OF_THIS_RUN = ("video", "picture", "rerun", "times", *ASKING)  # of an episode 
 )
 @click.option("--step", is_flag=True, help="Pause at every change.")
 @out_folder("runs", "Folder of result and trace.")
-@click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened tick by tick.")
+@click.option("--trace/--no-trace", default=True, show_default=True, help="Write a trace, tick by tick.")
 @click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
 @serve
 @click.option("--unicode", is_flag=True, help="Draw it with lines and signs beyond ASCII.")
@@ -302,7 +302,7 @@ def _refuse_beside_resume() -> None:
     for parameter in given_here():
         if parameter.name not in own:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
-            raise click.UsageError(f"--resume goes on with what FILE says; {given} can't be given beside it.")
+            raise click.UsageError(f"--resume takes all settings from FILE; {given} can't be given beside it.")
 
 
 def _refuse_in_a_dry_run() -> None:

@@ -75,7 +75,7 @@ class _Served(BackendType):
     default=300.0,  # Our choice: longer than a robot drives, or a language model thinks, between two prompts
     show_default=True,
     metavar="SECONDS",
-    help="Disconnect a policy's client after so long without a request.",
+    help="Disconnect a policy's client after this time without a request.",
 )
 @click.option(
     "--protocol",
@@ -89,7 +89,7 @@ class _Served(BackendType):
     show_default=True,
     help="Robot of the client.",
 )
-@click.option("--task", type=Name("tasks/plans"), help="Task, in place of that in the observations.")
+@click.option("--task", type=Name("tasks/plans"), help="Task, in place of the observations' task.")
 @click.option("--instruction", default="", metavar="TEXT", help="Instruction, in place of the task's.")
 @click.option(
     "--param",
@@ -165,7 +165,7 @@ def _executive(given: dict[str, Any], seed: int, key: str, status: Status) -> So
     if protocol is None:
         raise click.UsageError("mpvi serve mpvi wants --protocol: behavior-2025, behavior-2026 or openpi.")
     if given["task"] and instruction:
-        raise click.UsageError("--task and --instruction both say what is to be done: give one of them.")
+        raise click.UsageError("--task and --instruction both set the work: give only one of them.")
     config = EpisodeConfig(
         given.pop("task") or "", seed=seed, arguments=tuple(arguments(given.pop("params")).items()), **given
     )

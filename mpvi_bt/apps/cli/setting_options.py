@@ -107,7 +107,7 @@ def method(*names: str) -> Callable[[Any], Any]:
             expose_value=False,
             callback=take_settings,
             metavar="NAME=VALUE",
-            help="Set one thing that a method can, by its name there; may be repeated. Other options override it.",
+            help="Set one setting by its name in method files; may be repeated. Other options override it.",
             shell_complete=complete,
         )(command)
         return click.option(

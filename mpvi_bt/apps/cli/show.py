@@ -43,7 +43,7 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
         raise click.UsageError("Name a thing of the catalogue or a task, or give --page.")
     if page is not None:
         if out is not None:
-            raise click.UsageError("--out is of one picture; the page says itself where its pictures are.")
+            raise click.UsageError("--out is for one picture; --page puts its pictures into a folder beside it.")
         from mpvi_bt.house.things.family_page import families, family_page
 
         for info in families(catalogue):

@@ -89,10 +89,10 @@ def _named(command: Any) -> Any:
 @click.option(
     "--ray-address",
     metavar="ADDRESS",
-    help="Of the cluster, such as auto or HOST:6379.  [default: one is started on this machine]",
+    help="Address of the cluster, such as auto or HOST:6379.  [default: start one on this machine]",
 )
 @click.option("--episode", default=EPISODE, hidden=True, help="module:function that runs one episode, for tests.")
-@click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened in every episode.")
+@click.option("--trace/--no-trace", default=True, show_default=True, help="Write a trace of every episode.")
 @click.option(
     "--video",
     type=click.Choice(["all", "failures"]),
@@ -100,7 +100,7 @@ def _named(command: Any) -> Any:
     flag_value="all",
     default=None,
     metavar="[all|failures]",
-    help="Film every episode; failures: delete the films of those that reach their goal.",
+    help="Film every episode; failures: delete films of episodes that reach their goal.",
 )
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
 @click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
@@ -267,8 +267,8 @@ def _line(stand: dict[str, Any]) -> str:
     "--columns",
     type=Columns(),
     metavar="NAME,...",
-    help="Columns of --csv and --latex, such as method,task,q_score,success. Means are of the episodes that are alike "
-    "in method, task, instance, seed and ended, as far as these are chosen.",
+    help="Columns of --csv and --latex, such as method,task,q_score,success. A row is the mean of episodes with the "
+    "same method, task, instance, seed and ended, as far as these columns are chosen.",
 )
 @click.option("--baseline", metavar="METHOD", help="Method to compare with.  [default: e2e, or the first method]")
 def report(

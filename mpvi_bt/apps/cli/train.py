@@ -19,13 +19,13 @@ def train() -> None:
 @train.command()
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE.npz",
-              help="File for the weights; curves and how far it is go beside it.")  # fmt: skip
+              help="File for the weights; curves and progress are written beside it.")  # fmt: skip
 @click.option("--skills", default="pick", show_default=True, help="Folders in FOLDER, joined by commas.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
-@click.option("--actor-steps", type=click.IntRange(1), help="Fewer for a first try.")
-@click.option("--proposer-steps", type=click.IntRange(1), help="Likewise.")
-@click.option("--device", default="cpu", show_default=True, help="Where torch computes, such as cuda.")
-@click.option("--json", "as_json", is_flag=True, help="For programs: what was trained, as JSON.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of everything random.")
+@click.option("--actor-steps", type=click.IntRange(1), help="Training steps of the actor; fewer for a first try.")
+@click.option("--proposer-steps", type=click.IntRange(1), help="Training steps of the proposer; fewer for a first try.")
+@click.option("--device", default="cpu", show_default=True, help="Device for torch, such as cuda.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: a summary of the training, as JSON.")
 def learned(
     folder: Path, out: Path, skills: str, seed: int, actor_steps: int | None, proposer_steps: int | None, device: str,
     as_json: bool,

@@ -31,7 +31,7 @@ def watch(what: Path, serve: Address | None) -> int:
     if not what.exists():
         raise UserError(f"{what}: no such file or folder")
     if what.is_dir() and not (what / FILE).is_file():
-        raise UserError(f"{what}: no results of a suite are there, and it is no trace")
+        raise UserError(f"{what}: neither a trace nor a folder with results of a suite")
     bound = (serve or Address()).bound()
     watching = watched(what)
     click.echo(f"mpvi: watch it at {bound.url}; Ctrl-C ends it", err=True)

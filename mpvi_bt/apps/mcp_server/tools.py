@@ -210,7 +210,7 @@ class Tools:
             if dry and value is not None:
                 raise UserError(f"{name} is for runs that move the robot: leave it out, or set dry=false")
         if on_failure is not None and tree is not None:
-            raise UserError("on_failure is for the plan of a task: a tree says itself what becomes of failures")
+            raise UserError("on_failure is for the plan of a task: a tree defines its own handling of failures")
 
     async def progress(
         self, report: Report, run: RunId = None,
@@ -314,4 +314,4 @@ def _refuse_code(text: str) -> None:
 
     data, _ = parse_marked(text, "tree")
     if isinstance(data, dict) and "nodes" in data:
-        raise UserError("nodes: a tree that a client sends cannot bring code; name a tree of MPVI_PATH that has it")
+        raise UserError("nodes: a tree from a client cannot bring code; name a tree in MPVI_PATH that has these nodes")

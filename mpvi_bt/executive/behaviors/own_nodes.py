@@ -94,7 +94,7 @@ def _in_module(names: Mapping[str, Any], place: str, said: str) -> list[NodeType
         and name not in made
     ]
     if not (found := [*explicit, *classes]):
-        raise UserError(f"{said}: holds no node: no class that is a Leaf, Decorator or Branch, and no NodeType.")
+        raise UserError(f"{said}: holds no node: neither a subclass of Leaf, Decorator or Branch, nor a NodeType.")
     return [_node_type(one, place, said) for one in found]
 
 

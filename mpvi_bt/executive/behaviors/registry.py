@@ -382,7 +382,7 @@ def _add(table: dict[str, NodeType], added: Iterable[object], whose: str) -> Non
         if not isinstance(node, NodeType):
             raise UserError(f"{whose}: {node!r:.60} is not a NodeType")
         if node.kind in table or node.kind in RESERVED:
-            raise UserError(f"{whose}: a node type {node.kind!r} is there already")
+            raise UserError(f"{whose}: there is already a node type {node.kind!r}")
         table[node.kind] = node
 
 

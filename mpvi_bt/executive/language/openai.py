@@ -238,7 +238,7 @@ class OpenAIModel:
     def _bound(self, response: Any) -> None:
         """Bound what is read of a response, in size and time. Raises ModelError if it is packed."""
         if response.headers.get("content-encoding", "identity") not in ("identity", ""):
-            raise ModelError("bad_answer", f"{self._endpoint.url} answers packed, though that was not asked for.")
+            raise ModelError("bad_answer", f"{self._endpoint.url} sends a compressed answer, which was not requested.")
         response.stream = _bounded(response.stream, time.monotonic() + self._timeout_s, self._endpoint.url)
 
 

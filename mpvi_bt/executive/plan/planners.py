@@ -85,7 +85,7 @@ class RecordedPlanner:
     def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
         """As `plan`. Raises UserError with a history, too: a recorded plan begins at the start."""
         if history is not None:
-            raise UserError("the recorded planner can't plan what is left; choose --planner openai:MODEL.")
+            raise UserError("the recorded planner cannot plan the rest of a task; choose --planner openai:MODEL.")
         return Planned(self.plan(task_name, instruction))
 
     def plan(self, task_name: str, instruction: str = "") -> Plan:

@@ -71,7 +71,7 @@ def checked_instruction(instruction: str) -> str:
         raise UserError(f"the instruction has {len(text)} characters; {LONGEST_INSTRUCTION} at most.")
     strange = next((c for c in text if not c.isprintable()), None)
     if strange is not None:
-        raise UserError(f"the instruction has a character in it that nobody can read, {strange!a}; leave it out.")
+        raise UserError(f"the instruction has the unreadable character {strange!a}; leave it out.")
     if not any(c.isalpha() for c in text):
         raise UserError(f"the instruction {text[:60]!r} has no word in it; say what the robot is to do.")
     return text

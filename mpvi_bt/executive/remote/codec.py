@@ -104,7 +104,7 @@ def _dtype(given: Any) -> np.dtype[Any]:
     try:
         return np.dtype(given)
     except (ValueError, TypeError):  # text that is longer than numpy can have
-        raise BadMessage(f"an array of dtype {shown(given)}, which there is not") from None
+        raise BadMessage(f"an array of the unknown dtype {shown(given)}") from None
 
 
 def array_of(data: Any, kind: Any, shape: Any) -> np.ndarray[Any, Any]:

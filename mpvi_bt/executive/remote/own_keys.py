@@ -57,7 +57,7 @@ def _ticks(rate_hz: float | None) -> int:
     """Control steps in a row of a client's. Raises BadMessage."""
     ticks = 1.0 if rate_hz is None else CONTROL_HZ / rate_hz
     if not ticks.is_integer():
-        raise BadMessage(f"{RATE}: {rate_hz:g} is given; a rate that divides {CONTROL_HZ}, such as 10 or 15, is wanted")
+        raise BadMessage(f"{RATE}: {rate_hz:g} is given; it must divide {CONTROL_HZ}, as 10 or 15 do")
     return int(ticks)
 
 

@@ -83,7 +83,7 @@ class RemoteRobot:
             if camera not in seen.images:
                 seen = self._line.look(camera)
                 if camera not in seen.images:
-                    raise BadMessage(f"no picture of the camera {camera!r}, which was asked for")
+                    raise BadMessage(f"the requested picture of the camera {camera!r} is missing")
             image = seen.images[camera]
             if not seen.placed:
                 image = replace(image, T_world_camera=matmul(kin.base(self._seen_from), image.T_world_camera))

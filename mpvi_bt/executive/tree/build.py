@@ -242,7 +242,7 @@ class Tree:
         above = self._above_siblings(path)
         first = above.children.index(path) + 1
         if not new and any(self.nodes[later].status == Status.RUNNING for later in above.children[first:]):
-            raise UserError(f"{path}: what follows runs already; nothing was given to put there.")
+            raise UserError(f"{path}: the nodes behind it already run, and no new nodes were given.")
         self._splice(path, above, first, len(above.children), new)
 
     def _above(self, path: str) -> Placed | None:
@@ -260,7 +260,7 @@ class Tree:
     def _splice(self, path: str, above: Placed | None, first: int, stop: int, new: Sequence[NodeSpec]) -> None:
         """Put nodes in the place of the children first to stop of a node; above None: of the root itself."""
         if unbound := sorted({name for node in new for name in _unbound(node)}):
-            raise UserError(f"{path}: what is put there has parameters without a value: {', '.join(unbound)}.")
+            raise UserError(f"{path}: the new nodes have parameters without a value: {', '.join(unbound)}.")
         spec = replace(self.spec, root=_spliced(self.spec, above.path if above else None, first, stop, new))
         _check(spec, above.path if above else spec.nodes[0].path)
         placed = {p.path: p for p in spec.nodes}

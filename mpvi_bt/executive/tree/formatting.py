@@ -34,7 +34,7 @@ def formatted(text: str, name: str) -> str:
     plain = to_yaml(_canonical(data, types))
     result = with_comments(plain, parse_marked(plain, name)[1], comments_of(text, marks))
     if not _same(data, text, result, name, types):
-        raise MpviError(f"{name}: its canonical form would not say the same; please report that with the file")
+        raise MpviError(f"{name}: its formatted text would have another meaning; please report this with the file")
     return result
 
 

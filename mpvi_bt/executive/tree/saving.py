@@ -80,7 +80,7 @@ def restore(tree: Tree, saved: SavedTree) -> None:
     for path in saved.nodes:
         if path not in tree.nodes:
             hint = f" Nearest: {near!r}." if (near := nearest(path, tree.nodes)) else ""
-            raise UserError(f"what was saved is of another tree: {tree.spec.name!r} has no node {path!r}.{hint}")
+            raise UserError(f"the saved run is of another tree: {tree.spec.name!r} has no node {path!r}.{hint}")
     begun_anew = set(_begun_anew(tree, saved.nodes))
     tree.ticks = saved.ticks
     for path, node in tree.nodes.items():

@@ -58,7 +58,7 @@ class InstanceSettings:
     instance: int = setting(0, "Start state of the task.", least=0)
     seed: int = setting(0, "Seed of everything random.", least=0)
     split: Literal["public", "hidden"] = setting(
-        "public", "Which instances: hidden ones are drawn from the secret in MPVI_HIDDEN_SEED."
+        "public", "Set of instances. Hidden ones are drawn from the secret in MPVI_HIDDEN_SEED."
     )
     method: str | None = None
 
@@ -74,7 +74,7 @@ class PlanSettings:
     on_failure: str = setting(
         "advance",
         "After a unit of the plan has failed: advance: go on with the next one; retry:N: try it N more times first; "
-        "replan: make a new plan for the rest, or without a model, go on and try it once more at the end.",
+        "replan: make a new plan for the rest (without a model: go on, and try the unit again at the end).",
         "WHAT",
         reader="mpvi_bt.executive.tree.compile:parse_on_failure",
         begins=("advance", "retry:", "replan"),
@@ -94,7 +94,7 @@ class PlanSettings:
 class PerceptionSettings:
     """The map known at the start, and the backends that find things and drive."""
 
-    map: str = setting("prior", "What is known of the house at first.", "NAME")
+    map: str = setting("prior", "The map of the house at the start.", "NAME")
     detector: str = setting("segmentation", "Who finds things.", "NAME")
     navigator: str = setting("grid", "Who drives the base.", "NAME")
 
@@ -115,18 +115,18 @@ class PolicySettings:
     )
     policy_rate: float | None = setting(
         None,
-        "Rows of actions a second, before what the policy's settings, its dataset, its server or it itself says.  "
-        "[default: 30, if none of them says]",
+        "Rows of actions a second; it overrides the policy's settings, its dataset, its server and the policy itself.  "
+        "[default: 30, if none of them has a rate]",
         "HZ",
         least=1,
     )
     policy_actions: Literal["absolute", "delta", "velocity"] | None = setting(
         None,
-        "What joints in a row of actions are: targets, changes in a row, or speeds.  [default: absolute, if nobody "
-        "says]",
+        "Meaning of the joints in a row of actions: targets, changes in each row, or speeds.  [default: absolute, if "
+        "the policy does not say]",
     )
     pregrasp: bool = setting(
-        False, "Before a handoff bring the hand before what is to be picked up, by a planned motion."
+        False, "Before a handoff, bring the hand close to the object to pick up, by a planned motion."
     )
 
 
@@ -136,7 +136,7 @@ class CompletionSettings:
 
     checker: str = setting("visual", "Who judges whether work is complete.", "NAME")
     trigger: str = setting("proprioceptive", "When the checker is asked.", "NAME")
-    while_asked: Literal["go_on", "hold"] = setting("go_on", "What the robot does until the checker answers.")
+    while_asked: Literal["go_on", "hold"] = setting("go_on", "Until the checker answers: go on, or hold still.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,13 +152,13 @@ class DisturbanceSettings:
     )
     latency: str | None = setting(
         None,
-        "Simulated seconds that answers take: policy=0.4,checker=0.5..2,planner=@FILE.",
+        "Simulated seconds for each answer: policy=0.4,checker=0.5..2,planner=@FILE.",
         "TIMES",
         reader="mpvi_bt.runs.disturbances.latency:read_latencies",
         begins=("policy=", "checker=", "planner="),
     )
     while_inferring: Literal["hold", "go_on"] = setting(
-        "hold", "What the robot does until a late chunk is there: hold, or go on with the one before."
+        "hold", "Until a late chunk arrives: hold still, or go on with the previous chunk."
     )
 
 
@@ -167,7 +167,7 @@ class WorldSettings:
     """Robot, simulator, and how grasps hold."""
 
     robot: Literal["r1", "r1pro", "fetch"] = setting(
-        "r1", "Which robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch one."
+        "r1", "Robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch has one."
     )
     sim: Literal["sapien", "maniskill"] = setting(
         "sapien", "Simulator: the project's own, or its ManiSkill environment."
@@ -235,7 +235,7 @@ class OutputSettings:
     demonstration: Path | None = setting(None, "Record pictures, state and actions there, for `mpvi dataset`.", "DIR")
     demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30] = setting(10, "Recorded rows and pictures a second.")
     times: Path | None = setting(
-        None, "Write how long policy, checker and planner took, as --latency PART=@FILE reads it.", "FILE"
+        None, "Write the answer times of policy, checker and planner, for --latency PART=@FILE.", "FILE"
     )
     trace: Path | None = None
     saved: Path | None = None
