@@ -157,7 +157,7 @@ def test_a_budget_ends_the_asking(scripted_chat_server: ChatServer, capsys: pyte
         (["plan", "tidy up", "--planner", "openai:x"], 3, "set OPENAI_API_KEY"),
         (["plan", "tidy up", "--planner", "openai:x@http://127.0.0.1:{port}/v1"], 3, "is not there"),
         (["plan", "tidy " * 20_000, "--planner", "openai:x@http://127.0.0.1:{port}/v1"], 2, "has 99999 characters"),
-        (["plan", "tidy \x07 up", "--planner", "openai:x@http://127.0.0.1:{port}/v1"], 2, "character in it"),
+        (["plan", "tidy \x07 up", "--planner", "openai:x@http://127.0.0.1:{port}/v1"], 2, "unreadable character"),
         (["plan", "?! 42", "--planner", "openai:x@http://127.0.0.1:{port}/v1"], 2, "has no word in it"),
         (["plan", "tidy up", "--house", "castle", "--planner", "openai:x@http://127.0.0.1:{port}/v1"], 2, "castle"),
         (["plan", "--export", "/nowhere/x.jsonl"], 2, "cannot be written"),

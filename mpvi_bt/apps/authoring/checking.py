@@ -134,7 +134,7 @@ def problems_in(
             found: list[Problem] = _called(kind.lint, data, marks) if kind.lint is not None and lint else []
             return sorted(found, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
         if named:
-            message = f"this is {kind.name}, which there is nothing to check of; {taken_by(kind)}"
+            message = f"this is {kind.name}, and `mpvi check` does not check it; {taken_by(kind)}"
             return [marks.problem((), "wrong-kind", message)]
     except FileProblems as error:
         return list(error.problems)

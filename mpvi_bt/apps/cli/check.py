@@ -44,7 +44,7 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
         notes = sum(p.severity == "note" for p in problems)
         click.echo(_summary(checked.files, len(problems) - notes, notes), err=True)
         if max(Counter(p.file for p in problems).values(), default=0) >= MAX_PROBLEMS:
-            click.echo(f"of one file only the first {MAX_PROBLEMS} problems are told", err=True)
+            click.echo(f"only the first {MAX_PROBLEMS} problems of a file are shown", err=True)
     return 2 if checked.missing else int(any(p.severity != "note" for p in problems))
 
 

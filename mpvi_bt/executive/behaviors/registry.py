@@ -188,7 +188,7 @@ _OWN = (
         Watch,
         "skill",
         "mpvi_bt.executive.behaviors.monitor:Monitor",
-        "Fails its child as soon as the policy's signals are not those of handoffs that went well.",
+        "Fails its child as soon as the policy's signals differ from those of good handoffs.",
         label=lambda _, p: f"monitor {p.skill}" if p.skill else "monitor",
     ),
     NodeType(
@@ -197,7 +197,7 @@ _OWN = (
         Tries,
         "tries",
         "mpvi_bt.executive.behaviors.decorators:Retry",
-        "Begins its child again, at the next tick, after a failure; so often in all.",
+        "Begins its child again at the next tick after a failure, up to a number of tries.",
         label=lambda _, p: f"retry, {p.tries} {'try' if p.tries == 1 else 'tries'}",
     ),
     NodeType(
@@ -206,7 +206,7 @@ _OWN = (
         Times,
         "times",
         "mpvi_bt.executive.behaviors.decorators:Repeat",
-        "Begins its child again, at the next tick, after a success; so often in all.",
+        "Begins its child again at the next tick after a success, up to a number of rounds.",
         label=lambda _, p: "repeat once" if p.times == 1 else f"repeat {p.times} times",
     ),
     NodeType(
@@ -233,7 +233,7 @@ _OWN = (
         Limit,
         "limit",
         "mpvi_bt.executive.behaviors.guards:Cooldown",
-        "Fails at once if its child ended less than so long ago.",
+        "Fails at once if its child ended too short a time ago.",
         label=lambda _, p: f"cooldown {duration_text(p.limit)}",
     ),
     NodeType(
@@ -281,7 +281,7 @@ _OWN = (
         Back,
         "duration",
         "mpvi_bt.executive.behaviors.back_off:BackOff",
-        "Takes the arms back along the way that they came.",
+        "Moves the arms back along their last path.",
         label=lambda _, p: "back off" if p.duration is None else f"back off {duration_text(p.duration)}",
         robot=True,
     ),

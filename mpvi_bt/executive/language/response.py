@@ -94,7 +94,7 @@ def read_answer(text: str, url: str, hide: Callable[[str], str]) -> Said | Model
     if broken:
         return bad(f"broke: {_message(broken[0], hide)}", "server_error")
     if not isinstance(message, dict):
-        return bad("answers with no choice of what was said.")
+        return bad("has no choices in its answer.")
     finish = choice.get("finish_reason") or ""
     ending = str(finish).lower()
     if refusal := message.get("refusal"):
@@ -102,7 +102,7 @@ def read_answer(text: str, url: str, hide: Callable[[str], str]) -> Said | Model
     if ending in _FILTERED:
         return bad("refuses: its content filter stopped the answer.", "refused")
     if ending in _CUT:
-        return bad(f"stopped the answer after {tokens_out} tokens, before its end: raise how many it may take.")
+        return bad(f"stopped the answer after {tokens_out} tokens, before its end: raise the limit.")
     if ending not in _WHOLE:
         return bad(f"broke the answer off: finish_reason {line(hide(json.dumps(finish)))}.", "server_error")
     content = message.get("content")

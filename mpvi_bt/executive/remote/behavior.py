@@ -201,7 +201,7 @@ def _intrinsics(model: Camera, camera: str, height: int, width: int) -> Array:
     if abs(width / height - model.width / model.height) > _SQUARE * model.width / model.height:
         raise BadMessage(
             f"a picture of {width} x {height} of the {camera} camera, which has {model.width} x {model.height}, or "
-            "another size of that shape: which robot it is of is said by --robot"
+            "another size of that shape: choose the robot by --robot"
         )
     focal = height / 2 / np.tan(model.fov_rad / 2)
     return np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])

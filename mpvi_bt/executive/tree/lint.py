@@ -189,9 +189,9 @@ class _Linter:
             yield from self.unreachable(node)
             yield from self.begun_anew(node)
         elif node.kind == "retry" and "failure" not in self.ends(node.children[0]):
-            yield self.problem(node, "", "pointless-retry", "what is tried again here can't fail")
+            yield self.problem(node, "", "pointless-retry", "its child can't fail, so it never tries again")
         elif node.kind == "repeat" and "success" not in self.ends(node.children[0]):
-            yield self.problem(node, "", "pointless-repeat", "what is repeated here can't succeed")
+            yield self.problem(node, "", "pointless-repeat", "its child can't succeed, so it never repeats")
         elif node.kind == "timeout":
             yield from self.timeout(node, above)
         elif vars(node.parameters).get("on_failure") == "replan" and not _has_a_rest(above):

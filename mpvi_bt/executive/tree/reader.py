@@ -211,7 +211,7 @@ class _TreeReader:
             self.reading.add(self.marks.problem((*at, first), "unknown-node", message, key=True, **more))
             return None
         for extra in kinds[1:]:
-            message = f"a second node type {extra!r} in a node that is {with_article(repr(kinds[0]))} already"
+            message = f"a second node type {extra!r} in a node that already is {with_article(repr(kinds[0]))}"
             self.problem((*at, extra), "two-nodes", message, key=True)
         if kinds[0] != first:
             message = f"the node type {kinds[0]!r} must be the first key of its node"

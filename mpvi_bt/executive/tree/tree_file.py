@@ -138,7 +138,7 @@ def head_of(data: Any, marks: SourceMarks, reading: TreeReading) -> TreeFile:
         return TreeFile.model_construct(parameters=known, **empty)
     for name in file.parameters:
         if name in file.blackboard:
-            message = f"{name!r} is a parameter of the tree already; name the key otherwise"
+            message = f"{name!r} already is a parameter of the tree; give the key another name"
             reading.problems.append(marks.problem(("blackboard", name), "shadowed-key", message, key=True))
     return file
 

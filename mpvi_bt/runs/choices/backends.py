@@ -59,7 +59,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             address="FILE.gguf",
             optional=True,
         ),
-        NOBODY: Backend("the policy is told the whole instruction, and has the whole time"),
+        NOBODY: Backend("no plan: the policy gets the whole instruction and the whole time"),
     },
     "map": {
         "prior": Backend("occupancy, rooms and fixtures, derived from the house before the episode"),
@@ -67,7 +67,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     },
     "detector": {
         "segmentation": Backend(
-            "what the camera's label image shows; it errs as its address says",
+            "objects in the camera's label image; the address sets its error rate",
             address="miss=0.1",
             optional=True,
             sees=True,
@@ -81,13 +81,13 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             factory="mpvi_bt.runs.choices.detectors:grounding_dino",
         ),
         "oracle": Backend(
-            "where every object is, from the simulator",
+            "the place of every object, from the simulator",
             privileged=True,
             factory="mpvi_bt.runs.choices.detectors:segmentation",
         ),
     },
     "navigator": {
-        "grid": Backend("plans its way on the map's grid, and searches for what has no known place"),
+        "grid": Backend("plans paths on the map's grid, and searches for targets without a known place"),
     },
     "policy": {
         "expert": Backend(
@@ -96,7 +96,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             factory="mpvi_bt.runs.choices.policies:expert",
         ),
         "reactive": Backend(
-            "the same skills on what the cameras show", sees=True, factory="mpvi_bt.runs.choices.policies:reactive"
+            "the same skills, on camera pictures", sees=True, factory="mpvi_bt.runs.choices.policies:reactive"
         ),
         "learned": Backend(
             "networks, learned from demonstrations; with weights of your own, or those that ship",
@@ -120,7 +120,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     },
     "checker": {
         "visual": Backend(
-            "judges a criterion by what one camera image shows; it errs as its address says",
+            "judges a criterion by one camera image; the address sets its error rates",
             address="fp=0.05,fn=0.1,latency=1",
             optional=True,
             sees=True,
@@ -128,7 +128,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             errs=True,
         ),
         "oracle": Backend(
-            "judges a criterion by the simulator's state; it errs as its address says",
+            "judges a criterion by the simulator's state; the address sets its error rates",
             privileged=True,
             address="fp=0.05,fn=0.1,latency=1",
             optional=True,
@@ -136,7 +136,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             errs=True,
         ),
         "openai": Backend(
-            "a language model that sees, behind an OpenAI-compatible endpoint",
+            "a vision-language model behind an OpenAI-compatible endpoint",
             address="MODEL[@URL]",
             sees=True,
             factory="mpvi_bt.runs.choices.checkers:openai",
@@ -144,11 +144,11 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     },
     "trigger": {
         "proprioceptive": Backend(
-            "asks the checker when a hand or an arm has just ended something",
+            "asks the checker after a grasp, a release, or the end of a motion",
             factory="mpvi_bt.runs.choices.checkers:proprioceptive",
         ),
         "periodic": Backend(
-            "asks the checker every so many steps", address="STEPS", factory="mpvi_bt.runs.choices.checkers:periodic"
+            "asks the checker every STEPS steps", address="STEPS", factory="mpvi_bt.runs.choices.checkers:periodic"
         ),
     },
 }
