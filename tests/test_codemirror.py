@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 SOURCES = ROOT / "scripts" / "editor"
-BUNDLE = (ROOT / "mpvi_bt" / "watch" / "page" / "codemirror.js").read_text(encoding="utf-8")
+BUNDLE = (ROOT / "mpvi_bt" / "apps" / "watch" / "page" / "codemirror.js").read_text(encoding="utf-8")
 
 
 def digest(*parts: bytes) -> str:
