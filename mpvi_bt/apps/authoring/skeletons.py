@@ -141,7 +141,7 @@ def new_skill(name: str, like: str = "place_in") -> Skeleton:
 
 
 def new_object(name: str, like: str = "block", synset: str | None = None) -> Skeleton:
-    """An entry of the catalogue, with the shape of a family, as the first entry has it that is of it.
+    """An entry of the catalogue with the shape of a family, copied from the family's first entry.
 
     Args:
         name: Of the entry.

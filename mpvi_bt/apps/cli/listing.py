@@ -97,7 +97,7 @@ def _whose(path: Path) -> str:
 
 
 def _about(path: Path) -> str:
-    """The line that a file says of itself: its `about`, `description` or `instruction`, or its first comment."""
+    """A file's own description: its `about`, `description` or `instruction`, or its first comment."""
     from mpvi_bt.apps.authoring.checking import problems_in
     from mpvi_bt.ground.marked_yaml import parse_marked, read_text
 

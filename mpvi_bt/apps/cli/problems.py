@@ -1,4 +1,4 @@
-"""Problems of files as people and programs read them: the place, the message, the line and what of it is meant."""
+"""Problems of files for people and programs: place, message, line, and a mark under the wrong part."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _IN_FLOW = re.compile(r"[^:#,\[\]{}]+")
 
 
 class Sources:
-    """The lines of files, each read once, when a problem is shown; `texts` of those that can't be read again."""
+    """Lines of files, each read once, when a problem is shown; `texts`: files that can't be read again."""
 
     def __init__(self, texts: Mapping[str, str]) -> None:
         self._lines = {file: _LINE_ENDS.split(text) for file, text in texts.items()}

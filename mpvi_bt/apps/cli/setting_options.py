@@ -1,4 +1,4 @@
-"""Options that set an episode's settings: of each field of `EpisodeConfig` as its type and its `Setting` say."""
+"""Options for an episode's settings, made from each field's type and `Setting` in `EpisodeConfig`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def settings(*names: str) -> Callable[[Any], Any]:
 
 
 def shared(command: Any) -> Any:
-    """The options that one episode and all episodes of a suite take alike; those of their trees' parameters, too."""
+    """Options shared by one episode and all episodes of a suite, with those of their trees' parameters."""
     command = click.option(
         "--param",
         "params",
@@ -76,7 +76,7 @@ def _type(name: str) -> click.ParamType[Any]:
 
 
 def method(*names: str) -> Callable[[Any], Any]:
-    """The options that set those settings by a method and one by one, those without an option of their own too."""
+    """Options `--method` and `--set` for those settings, also for settings without an option of their own."""
 
     def take(ctx: click.Context, values: Mapping[str, Any]) -> None:
         """Have values hold wherever the command line says nothing else."""

@@ -231,7 +231,7 @@ class Tools:
             await asyncio.sleep(min(_EVERY_S, left_s))
 
     def explain(self, run: RunId = None) -> RunExplanation:
-        """Why a run ended as it did, from the root down to the leaf that failed; or how it stands, while it goes on."""
+        """Why a run ended, from the root down to the failed leaf; or its state while it runs."""
         from mpvi_bt.executive.trace.explain import explain
         from mpvi_bt.executive.trace.explain_text import explanation_text
         from mpvi_bt.executive.trace.read import read_trace

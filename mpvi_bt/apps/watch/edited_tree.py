@@ -1,4 +1,4 @@
-"""A tree that is edited: its text, its problems as it changes on disk or on the page, and a dry run of it."""
+"""An edited tree: its text, its problems after changes on disk or on the page, and a dry run."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Edited:
         return self.feed.response(since, self._news)
 
     async def drawing(self, request: Request) -> Response:
-        """The page of a dry run of the text as it is now, or of its tree alone where it cannot be run."""
+        """The page of a dry run of the present text, or of its tree alone if it cannot be run."""
         async with self._drawing:
             await self._look()  # while a new text is checked, a drawing of the old one is wanted by nobody
             version = self._version

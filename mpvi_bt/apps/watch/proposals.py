@@ -17,7 +17,7 @@ from mpvi_bt.ground.marked_yaml import load_marked, parse_marked
 
 
 def proposals(text: str, file: Path) -> dict[str, Any]:
-    """As the page's `completion.js` reads it, with the nodes of its own that the text of a file names."""
+    """Completions for the page's `completion.js`, with the own nodes of a file's text."""
     skills = {name: {"about": skill.about, "says": example(skill.phrases[0])} for name, skill in load_skills().items()}
     return {
         "schema": tree_schema(_own(text, file)),

@@ -143,7 +143,7 @@ class WithBackup:
         return self._at is self._first and getattr(self._first, "gave_up", False) and note.startswith(NO_SKILL)
 
     def _pass_on(self) -> None:
-        """Give what was refused to the second one; of several clauses the first one is told one by one."""
+        """Give the refused prompt to the second policy; of several clauses, the first policy gets one at a time."""
         self.prompts[self._first.name] -= 1
         parts = clauses(self._told, self._skills)
         if len(parts) > 1:

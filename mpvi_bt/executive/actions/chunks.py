@@ -54,7 +54,7 @@ class WrappedPolicy:
 
     @property
     def ended(self) -> bool:
-        """Whether the policy thinks that its prompt is done, or has given up; no if it never says so."""
+        """Whether the policy reports success or has given up; False if it never reports."""
         return getattr(self._policy, "ended", False)
 
     @property

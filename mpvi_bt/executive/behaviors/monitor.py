@@ -1,4 +1,4 @@
-"""Monitor: fails a policy's handoff as soon as its signals are not those of handoffs that went well."""
+"""Monitor: fails a policy's handoff as soon as its signals differ from those of good handoffs."""
 
 from __future__ import annotations
 

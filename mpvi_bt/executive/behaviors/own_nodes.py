@@ -99,7 +99,7 @@ def _in_module(names: Mapping[str, Any], place: str, said: str) -> list[NodeType
 
 
 def _node_type(found: Any, place: str, said: str) -> NodeType:
-    """The row of the registry that a class or a `NodeType` stands for; `place`: module or file of its factory."""
+    """The registry's row for a class or a `NodeType`; `place`: module or file of its factory."""
     if isinstance(found, NodeType):
         node = found if ":" in found.factory else replace(found, factory=f"{place}:{found.factory}")
     elif inspect.isclass(found):

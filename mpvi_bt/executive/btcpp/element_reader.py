@@ -30,7 +30,7 @@ _NEAREST = {**equivalents.NEAREST, **nav2.NEAREST}
 
 
 class ElementReader:
-    """One <BehaviorTree> on its way to a TreeSpec, those that it calls written out below their calls."""
+    """Reads one <BehaviorTree> into a TreeSpec; called trees are written out below their calls."""
 
     def __init__(self, file: XmlFile, calls: Calls, name: str) -> None:
         self.file, self.calls, self.name = file, calls, name

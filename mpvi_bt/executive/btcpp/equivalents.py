@@ -28,7 +28,7 @@ _AFTER = tuple(name for name in POSTCONDITIONS if name != "_onHalted")
 
 
 def rewritten(file: XmlFile, element: Element, above: str = "") -> Element:
-    """A node, and those below it, in nodes that are read here; `above`: the tag of the node above it."""
+    """A node and its children, rewritten in supported nodes; `above`: the tag of its parent."""
     tag = tag_of(element)
     children = [rewritten(file, child, tag) for child in element.children]
     own = {name: text for name, text in element.attributes.items() if name not in (*PRECONDITIONS, *_AFTER)}

@@ -1,4 +1,4 @@
-"""What a file declares of its nodes and subtrees under <TreeNodesModel>: their ports, and the defaults of those.
+"""Declarations of a file's nodes and subtrees under <TreeNodesModel>: their ports and defaults.
 
 BehaviorTree.CPP fills the defaults of a subtree's ports in where a call leaves them out, and refuses a call that leaves
 out one without a default; with _autoremap it does neither (its `recursivelyCreateSubtree`). Defaults of nodes are those

@@ -1,4 +1,4 @@
-"""Stand-ins for the leaves of a file that are nodes of nobody here: kinds with their ports, for the user to write.
+"""Stand-ins for a file's unknown leaves: kinds with their ports, for the user to write.
 
 What each does is in C++ there. Here a module of Python is made with a class for each that fails until it is written;
 a dry run puts its own stand-in in its place.

@@ -101,7 +101,7 @@ def assignment(given: Assignment, board: KeyValues) -> tuple[str, dict[str, str]
 
 
 def first_value(key: str, value: Value, held: Type | None) -> tuple[str, dict[str, str]] | None:
-    """Their node that gives a key a value as it stands, a dollar sign too; None if there is none."""
+    """BehaviorTree.CPP's node to set a key to a literal value, a dollar sign too; None if there is none."""
     if isinstance(value, str):
         return None if is_pointer(value) else ("SetBlackboard", {"value": value, "output_key": key})
     # 0.0, not 0: else the entry would be one of whole numbers for good

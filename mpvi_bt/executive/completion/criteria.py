@@ -118,7 +118,7 @@ def parse(text: str) -> Criterion | None:
 
 
 def named(phrase: str, phrases: Mapping[str, Iterable[str]]) -> list[str]:
-    """The names that a phrase means, in the order of the table; the number of its nouns does not matter.
+    """Names matching a phrase, in the order of the table; singular and plural are alike.
 
     A part stands for its thing where nothing is called like the part: "the fridge door", "the door of the fridge".
 

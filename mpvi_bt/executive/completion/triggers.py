@@ -394,7 +394,7 @@ class _ArmRest:
 
 
 def _told_m(body: Proprioception, side: Side) -> float:
-    """The width that a hand is told to have; learned policies seldom say -1, and careful ones open just enough."""
+    """The commanded width of a hand. Learned policies seldom command -1; careful ones open just enough."""
     return (body.gripper_command[side] + 1.0) * (body.open_m / 2)
 
 

@@ -12,12 +12,12 @@ from mpvi_bt.executive.drawing.text import Line
 
 
 def obeys_escapes() -> bool:
-    """Whether the terminal, if there is one, moves its cursor and colors text where it is told to."""
+    """Whether the terminal, if there is one, obeys escape sequences for cursor and color."""
     return os.environ.get("TERM") != "dumb"
 
 
 def wants_color(stream: TextIO) -> bool:
-    """Whether a stream is a terminal that shows colors, and nobody has asked for none (no-color.org)."""
+    """Whether a stream is a terminal with colors and NO_COLOR is not set (no-color.org)."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and obeys_escapes()
 
 

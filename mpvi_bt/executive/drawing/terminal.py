@@ -81,7 +81,7 @@ _results: TextIO | None = None
 
 @contextmanager
 def results_alone() -> Iterator[None]:
-    """Keep the standard output for results: what is printed otherwise goes to standard error meanwhile."""
+    """Keep standard output for results: all other prints go to standard error meanwhile."""
     global _results
     before = sys.stdout, _results
     _results, sys.stdout = results(), sys.stderr

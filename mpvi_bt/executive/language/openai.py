@@ -145,7 +145,7 @@ class OpenAIModel:
         return said, tries
 
     def _told(self, failure: ModelError) -> str:
-        """What is told of a failure, without names of ours: a model may be called after its faculties."""
+        """Text of a failure, without our names: a model's name may contain words for its abilities."""
         return re.sub(rf"(?<!\w){re.escape(self._model)}(?!\w)", "", str(failure).replace(self._endpoint.url, ""))
 
     def _is_blind(self, failure: ModelError) -> bool:

@@ -51,7 +51,7 @@ class Secrets:
 
 @dataclass(frozen=True)
 class _Filter:
-    """Hides secrets in records; it is a logger's own, as those of its parents see nothing of what it logs."""
+    """Hides secrets in records. Each logger needs its own: a parent's filter does not see its records."""
 
     secrets: Secrets
 

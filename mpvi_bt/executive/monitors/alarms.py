@@ -32,5 +32,5 @@ class Alarms:
 
     @property
     def lasting_s(self) -> Mapping[str, float]:
-        """How long those of `OUTCOMES` that are past their thresholds have been so [s]; 0 at the first sample."""
+        """How long the exceeded signals of `OUTCOMES` have been past their thresholds [s]; 0 at the first sample."""
         return {name: samples * SAMPLE_S for name, samples in self._lasting.items()}

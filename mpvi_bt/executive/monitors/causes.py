@@ -1,4 +1,4 @@
-"""From the figures of a handoff to the likely cause of its end, in a sentence, by rules that stand in one order."""
+"""The likely cause of a handoff's end, in a sentence, from its figures by rules in a fixed order."""
 
 from __future__ import annotations
 

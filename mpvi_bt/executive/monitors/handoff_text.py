@@ -1,4 +1,4 @@
-"""A handoff in words: why it ended and the likely cause first, then what is known of it, a line a subject."""
+"""A handoff in words: why it ended, the likely cause, then its figures, a line a subject."""
 
 from __future__ import annotations
 

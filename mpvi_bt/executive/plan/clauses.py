@@ -59,7 +59,7 @@ def match(description: str, skills: Mapping[str, Skill]) -> SkillCall | None:
 
 
 def _parts(prompt: str, skills: Mapping[str, Skill]) -> list[str]:
-    """A prompt's clauses in its own words, but for those that say how carefully or how politely."""
+    """A prompt's clauses in its own words, without words of care or politeness."""
     found: list[str] = []
     for text in _THEN.split(" ".join(_MANNER.sub("", prompt).split())):
         first, *more = _JOINT.split(text)

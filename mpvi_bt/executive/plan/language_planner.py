@@ -129,7 +129,7 @@ def _asking(name: str, found: Sequence[Problem]) -> str:
 
 
 def read_answer(text: str) -> tuple[Any, list[Problem]]:
-    """The data of an answer, plain JSON as a plan's file has it; or what is wrong with the answer."""
+    """The data of an answer as plain JSON, as in a plan's file; or the answer's problems."""
     try:
         data = parse_json(text, _is_plan)
     except ValueError as error:

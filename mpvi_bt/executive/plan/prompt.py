@@ -130,7 +130,7 @@ def repair(answer: str, problems: Sequence[Problem]) -> list[Message]:
 
 
 def told(problems: Sequence[Problem]) -> list[str]:
-    """A line for each problem of an answer, the first of many: its place as a JSON pointer, what it is, its code."""
+    """A line for each of an answer's first problems: its place as a JSON pointer, the problem, its code."""
     lines = [f"{p.pointer[:100] or 'the answer'}: {p.message} [{p.code}]" for p in problems[:MOST_TOLD]]
     if len(problems) > MOST_TOLD:
         lines.append(f"and {len(problems) - MOST_TOLD} more")

@@ -58,7 +58,7 @@ def filled(template: str, arguments: Mapping[str, str]) -> str | None:
 
 
 def checked_phrase(phrase: str) -> str:
-    """The phrase. Raises ValueError as `pattern` does, and for one that fits a text without a word of its own."""
+    """The phrase. Raises ValueError as `pattern` does, and for a phrase without a word of its own."""
     read = pattern(phrase)
     if read.match("") is not None:
         raise ValueError("a phrase must not match an empty text")

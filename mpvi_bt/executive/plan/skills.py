@@ -85,7 +85,7 @@ class Skill(Record):
     @field_validator("shows")
     @classmethod
     def _is_said(cls, shows: str | None, info: ValidationInfo) -> str | None:
-        """Raises ValueError for a slot that no phrase has words for: the judge would never be told anything."""
+        """Raises ValueError for a slot without words in any phrase: the judge would get no value for it."""
         _check_slots(slots(shows or ""), info)
         return shows
 

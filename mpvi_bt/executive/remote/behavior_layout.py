@@ -245,7 +245,7 @@ def action_from(theirs: Array) -> Array:
 
 
 def action_for(ours: Array) -> Array:
-    """(..., 23) BEHAVIOR's action of ours, for an R1Pro; a base that is told to go faster than it can goes as fast."""
+    """(..., 23) our action as BEHAVIOR's, for an R1Pro; base speeds are clipped to the limits."""
     theirs = np.array(ours, float)
     assert theirs.shape[-1] == ACTION_SIZE
     theirs[..., ActionLayout.BASE] = np.clip(theirs[..., ActionLayout.BASE] / BASE_UNITS, -1.0, 1.0)

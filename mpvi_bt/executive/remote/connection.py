@@ -90,7 +90,7 @@ class Connection:
             self._socket.send(message)
 
     def expect_silence(self, deadline: float) -> None:
-        """Raise PolicyError if there is a message that nobody asked for: it would be taken for the next answer."""
+        """Raise PolicyError for an unrequested message: it would be taken for the next answer."""
         # If it is closed, sending will tell.
         with contextlib.suppress(TimeoutError, ConnectionClosed), _broken_off(self._socket.socket, deadline):
             frame = self._socket.recv(timeout=0)

@@ -58,7 +58,7 @@ class Dialect(Protocol):
         ...
 
     def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """The answer (K, 23) to an observation, of which nothing needs to be right but how many actions it wants."""
+        """The answer (K, 23) to an observation; only its number of wanted actions has to be valid."""
         ...
 
 

@@ -107,7 +107,7 @@ class RemoteRobot:
         self._images: dict[str, CameraImage] = {}
 
     def foresee(self) -> None:
-        """Go on as commanded for a step of which nothing will be heard; pictures stay as they are."""
+        """Assume a commanded step without an observation; pictures stay as they are."""
         body, action = self._body, self._action
         arms = {side: action[ActionLayout.ARM[side]].copy() for side in body.sides}
         self._body = replace(
@@ -166,7 +166,7 @@ class RemoteWorld(StepClock):
 
 
 def _first_command(model: RobotModel, first: Reading) -> Array:
-    """(23,) what a robot is taken to have been told before anything was heard of it.
+    """(23,) the assumed command of a robot before its first observation.
 
     What is felt, but for joints that are about where robots start: those were told to be there.
     """
@@ -188,7 +188,7 @@ def _first_command(model: RobotModel, first: Reading) -> Array:
 
 
 def _check_follows(before: Proprioception, reading: Reading, steps: int) -> None:
-    """Raise BadMessage where the robot cannot have got from one to the other in so many steps."""
+    """Raise BadMessage if the robot cannot have moved that far in these steps."""
     body = reading.body
     far = float(norm(body.base_pose[:2] - before.base_pose[:2])) if reading.placed else 0.0
     turned = max(

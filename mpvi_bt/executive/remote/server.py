@@ -136,7 +136,7 @@ class SocketServer:
 
     @contextlib.asynccontextmanager
     async def listening(self, host: str, port: int) -> AsyncIterator[Self]:
-        """Serve at an address (port 0: any that is free) within the block; afterwards clients are told to go (1001).
+        """Serve at an address (port 0: any free one) within the block; then close all connections (1001).
 
         Raises:
             OSError: The address cannot be had.

@@ -92,7 +92,7 @@ def resize_with_pad(pixels: np.ndarray[Any, Any], height: int, width: int) -> np
 
 
 def resize_with_crop(pixels: np.ndarray[Any, Any], height: int, width: int) -> np.ndarray[Any, Any]:
-    """The middle of a picture (H, W) or (H, W, C), as much of it as has that shape, scaled to (height, width)."""
+    """The largest middle part of a picture (H, W) or (H, W, C) with this shape, scaled to (height, width)."""
     h, w = pixels.shape[:2]
     ratio = min(h / height, w / width)
     old_h, old_w = max(1, round(height * ratio)), max(1, round(width * ratio))

@@ -259,7 +259,7 @@ def _blame_model(outcome: Outcome, time_s: float) -> None:
 
 
 def _met_though_stopped(tree: Tree, world: World, outcome: Outcome, score: Callable[[], GoalReport]) -> bool:
-    """Whether the root failed only as the policy stopped of its own accord, and the goal is met: that is no failure.
+    """Whether the goal is met and the root failed only because the policy stopped by itself: not a failure.
 
     This is the one place of that rule. It comes before the subscribers are shown the tick: what they tell follows.
     """

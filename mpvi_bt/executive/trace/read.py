@@ -94,7 +94,7 @@ class Moment:
                 self.blackboard[key] = value
 
     def states(self, time_s: float | None = None) -> dict[str, NodeState]:
-        """Every node's state; the time of those that run goes on since the record, up to `time_s` if it is given."""
+        """Every node's state; a running node's time goes on since the record, up to `time_s` if given."""
         now = self.time_s if time_s is None else time_s
         states = {placed.path: self.nodes.get(placed.path, _UNKNOWN) for placed in self.tree.nodes}
         for path, began in self._began.items():

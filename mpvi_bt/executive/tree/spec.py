@@ -77,7 +77,7 @@ class NodeSpec:
 
 @dataclass(frozen=True)
 class BrokenNode(NodeSpec):
-    """A node that its file does not say rightly, as far as it goes: to be drawn, never to be built.
+    """A node with errors in its file, read as far as possible: drawn, never built.
 
     Its `kind` may be one that there is not, and it has no `parameters`.
 
