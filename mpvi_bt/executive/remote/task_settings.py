@@ -29,7 +29,7 @@ def with_task(settings: DialectSettings, task: str | None, number: int | None) -
     filled: dict[str, object] = {"constants": constants, "prompts": None, "task_id": None}
     if observation.prompts is not None and observation.prompt is not None:
         if task is None:
-            raise UserError(f"{observation.prompts}: it has a prompt for each task, and no task is named: name one.")
+            raise UserError(f"{observation.prompts}: it has a prompt for each task, and none is chosen: name a task.")
         constants[observation.prompt] = prompt_of(task, observation.prompts)
         filled["prompt"] = None
     if observation.task_id is not None:
