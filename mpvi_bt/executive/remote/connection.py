@@ -256,7 +256,7 @@ def key_of_environment() -> str:
     """What clients send and servers ask for; "": nothing. Raises PolicyError."""
     key = os.environ.get(KEY, "")
     if not (key.isascii() and key.isprintable() and key == key.strip()):
-        raise PolicyError("unauthorized", f"the key in {KEY} has characters that are not allowed in a header")
+        raise PolicyError("unauthorized", f"the key in {KEY} has characters that no header can carry")
     return key
 
 
