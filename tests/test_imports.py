@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,17 @@ def test_no_import_runs_back_up() -> None:
         if RANK[room] >= RANK[own]
     ]
     assert not wrong
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    """Not even for types, or within functions: what one file needs of another can be read first."""
+    named = {".".join(("mpvi_bt", *path.relative_to(PACKAGE).with_suffix("").parts)): path for path in MODULES}
+    needs = {
+        name: {known for found in imports(path) for known in (found, found.rpartition(".")[0]) if known in named}
+        - {name}
+        for name, path in named.items()
+    }
+    tuple(TopologicalSorter(needs).static_order())  # raises CycleError, which names the files
 
 
 def test_heavy_libraries_stay_in_their_place() -> None:

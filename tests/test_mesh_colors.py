@@ -18,7 +18,8 @@ from PIL import Image  # noqa: E402
 from trimesh.visual import TextureVisuals  # noqa: E402
 from trimesh.visual.material import PBRMaterial  # noqa: E402
 
-from mpvi_bt.house.things.mesh_import import ImportedMesh, import_mesh  # noqa: E402
+from mpvi_bt.house.things.mesh_import import import_mesh  # noqa: E402
+from mpvi_bt.house.things.mesh_parts import ImportedMesh  # noqa: E402
 
 RED = (230, 25, 25)
 GRAY = (153, 153, 153)
@@ -184,7 +185,7 @@ def test_a_urdf_gives_its_materials_colors(
 @given(st.lists(st.tuples(st.integers(0, 255), st.integers(0, 255), st.integers(0, 255)), min_size=1, max_size=3))
 def test_colors_of_faces_come_through_to_the_byte(palette: list[tuple[int, int, int]]) -> None:
     """Whatever they are."""
-    from mpvi_bt.house.things.mesh_import import skins
+    from mpvi_bt.house.things.mesh_parts import skins
 
     meshes = []
     for color in palette:

@@ -25,7 +25,8 @@ def watch(what: Path, serve: Address | None) -> int:
     the address printed.
     """
     require_server()
-    from mpvi_bt.apps.watch.page_server import Server, watched
+    from mpvi_bt.apps.watch.page_server import Server
+    from mpvi_bt.apps.watch.watched import watched
     from mpvi_bt.runs.suite.manifest import FILE
 
     if not what.exists():

@@ -17,6 +17,7 @@ from mpvi_bt.apps.watch.address import Bound
 
 DEBUGGING = ("line", "pause", "break")
 WORDS = (*DEBUGGING, "reload")  # what a page can say to its run
+Tell = Callable[[dict[str, Any]], None]
 
 _ROOM_BYTES = 1 << 21  # so much fits between the two before a write has to wait: more than is ever under way
 _END_S = 10.0  # within which visitors are told the end, on a busy machine, too

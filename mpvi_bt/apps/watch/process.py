@@ -15,7 +15,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mpvi_bt.apps.watch.feed import EVERY_S
-from mpvi_bt.apps.watch.page_server import Server, Watching, watched
+from mpvi_bt.apps.watch.page_server import Server
+from mpvi_bt.apps.watch.watched import Watching, watched
 
 NICE = 5  # Our choice: where cores are few, the run goes first
 _LINE_BYTES = 1 << 22

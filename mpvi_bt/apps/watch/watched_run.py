@@ -17,10 +17,9 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from mpvi_bt.apps.watch.channel import WORDS
+from mpvi_bt.apps.watch.channel import WORDS, Tell
 from mpvi_bt.apps.watch.feed import EVERY_S, Feed
 from mpvi_bt.apps.watch.page_requests import page_response, posted
-from mpvi_bt.apps.watch.page_server import Tell
 from mpvi_bt.executive.drawing.endings import ended, is_plan
 from mpvi_bt.executive.trace.growing_trace import Follow, Restarted
 from mpvi_bt.executive.trace.html import More, PageFrames, page, told_end, told_facts

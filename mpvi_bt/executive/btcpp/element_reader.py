@@ -14,7 +14,7 @@ from mpvi_bt.executive.btcpp import equivalents, mapping, nav2
 from mpvi_bt.executive.btcpp.condition_script import ScriptTest, read_condition
 from mpvi_bt.executive.btcpp.file import EXPLICIT, XmlFile, below, place_of, tag_of
 from mpvi_bt.executive.btcpp.marked_xml import Element
-from mpvi_bt.executive.btcpp.placeholders import is_foreign
+from mpvi_bt.executive.btcpp.placeholders import is_foreign, parameters_of
 from mpvi_bt.executive.btcpp.script import escaped, read_assignments
 from mpvi_bt.executive.btcpp.subtree_ports import Calls
 from mpvi_bt.executive.tree.reader import MAX_DEPTH, MAX_NODES, read
@@ -99,7 +99,7 @@ class ElementReader:
             return guarded
         if (placeholder := self.file.placeholders.get(tag)) is not None and not element.children:
             names = {port.parameter: name for name, port in placeholder.ports.items()}
-            return self._data(element, at, placeholder.kind, placeholder.parameters(self.file, element), names)
+            return self._data(element, at, placeholder.kind, parameters_of(placeholder, self.file, element), names)
         if tag in mapping.own_kinds():
             return self._own(element, at, mapping.own_kinds()[tag])
         if any(row.tag == tag for row in mapping.BUILTINS):

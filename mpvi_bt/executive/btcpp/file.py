@@ -14,7 +14,7 @@ from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.ground.errors import Problem, UnknownName, shown
 
 if TYPE_CHECKING:
-    from mpvi_bt.executive.btcpp.placeholders import Placeholder
+    from mpvi_bt.executive.btcpp.placeholder import Placeholder
 
 EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
 _TREE_ID = "letters, digits, '_' and '-'"

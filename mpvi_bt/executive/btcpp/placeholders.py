@@ -10,7 +10,6 @@ import contextlib
 import keyword
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from mpvi_bt.executive.behaviors.parameters import Value
@@ -20,60 +19,12 @@ from mpvi_bt.executive.btcpp.file import Needs, XmlFile, below, tag_of
 from mpvi_bt.executive.btcpp.format import is_port
 from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.executive.btcpp.models import Models
+from mpvi_bt.executive.btcpp.placeholder import Placeholder, PortOf
 from mpvi_bt.executive.btcpp.script import escaped
 from mpvi_bt.executive.btcpp.subtree_ports import keys_handed_on, keys_set_in
 
 _FIRST: Mapping[str, Value] = {"int": 0, "unsigned int": 0, "double": 0.0, "float": 0.0, "bool": False}
 _TAKEN = frozenset({"name", "child", "children", "segments", "self"})
-
-
-@dataclass
-class PortOf:
-    """A port of a placeholder.
-
-    Attributes:
-        parameter: Its name here.
-        direction: "input_port", "output_port" or "inout_port".
-        type: In C++, as the file declares it, or "".
-        default: What it is where a node leaves it out; None: nothing.
-        must: Every node gives it.
-    """
-
-    parameter: str
-    direction: str = "input_port"
-    type: str = ""
-    default: Value | None = None
-    must: bool = True
-
-
-@dataclass
-class Placeholder:
-    """A leaf that nobody knows here.
-
-    Attributes:
-        tag, kind: Its ID there, and its kind here.
-        line: Where the file has the first.
-        ports: By their names there.
-    """
-
-    tag: str
-    kind: str
-    line: int
-    ports: dict[str, PortOf] = field(default_factory=dict)
-
-    def parameters(self, file: XmlFile, element: Element) -> dict[str, Any]:
-        """Values of the ports of such a node; a value without an equal is noted as a problem."""
-        found: dict[str, Any] = {}
-        for name, port in self.ports.items():
-            if name not in element.attributes:
-                continue
-            text = element.attributes[name]
-            try:
-                found[port.parameter] = _value(f"{{{name}}}" if text == "{=}" else text, name, port)
-            except ValueError as error:
-                file.problem(element, "port-value", f"{name}: {error}", name)
-                found[port.parameter] = None
-        return found
 
 
 def placeholders_of(file: XmlFile, models: Models) -> dict[str, Placeholder]:
@@ -117,6 +68,21 @@ def node_types_of(module: str, name: str) -> dict[str, NodeType]:
     scope: dict[str, Any] = {"__name__": name}
     exec(compile(module, f"{name}.py", "exec", dont_inherit=True), scope)  # of our own making, in `module_text`
     return {value.kind: value for value in scope.values() if isinstance(value, NodeType)}
+
+
+def parameters_of(one: Placeholder, file: XmlFile, element: Element) -> dict[str, Any]:
+    """Parameters of an element that a placeholder stands for. A port that cannot be read is a problem of the file."""
+    found: dict[str, Any] = {}
+    for name, port in one.ports.items():
+        if name not in element.attributes:
+            continue
+        text = element.attributes[name]
+        try:
+            found[port.parameter] = _value(f"{{{name}}}" if text == "{=}" else text, name, port)
+        except ValueError as error:
+            file.problem(element, "port-value", f"{name}: {error}", name)
+            found[port.parameter] = None
+    return found
 
 
 def module_text(found: Iterable[Placeholder], source: str, module: str) -> str:

@@ -13,7 +13,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.house.things.mesh_colors import named_picture
 from mpvi_bt.house.things.mesh_file import MeshBody
-from mpvi_bt.house.things.mesh_import import ImportedMesh, convex_parts, load, skins
+from mpvi_bt.house.things.mesh_parts import ImportedMesh, convex_parts, load, skins
 
 if TYPE_CHECKING:
     import trimesh

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -30,12 +31,13 @@ from mpvi_bt.runs.choices.backends import privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.runs.episode.queries import Queries
-from mpvi_bt.runs.episode.result_html import result_html, result_line
+from mpvi_bt.runs.episode.result_html import conditions_html, result_html
 from mpvi_bt.runs.episode.way import Way
 
 if TYPE_CHECKING:
     from mpvi_bt.house.instances.tasks import Task
 
+_MOST_FAILURES = 12  # listed in a notebook
 _IF_ANY = Field(exclude_if=lambda value: value is None)  # a key that most results would have as null
 
 
@@ -269,11 +271,26 @@ class Result(Record):
 
     def __str__(self) -> str:
         """One line for a person."""
-        return result_line(self)
+        met = sum(condition.satisfied for condition in self.goal)
+        return f"{self._about}: q = {self.q:.3f}, {met} of {len(self.goal)} conditions; {self.told}"
 
     def _repr_html_(self) -> str:
-        """What notebooks show."""
-        return result_html(self)
+        """The table that notebooks show: q, the goal, the costs, and what failed."""
+        failed = [f"{f.time_s:.0f} s: {escape(f.feedback or f.reason)}" for f in self.failures[:_MOST_FAILURES]]
+        if len(self.failures) > _MOST_FAILURES:
+            failed.append(f"and {len(self.failures) - _MOST_FAILURES} more")
+        rows = {
+            "goal": conditions_html((c.condition, c.satisfied) for c in self.goal),
+            "end": [escape(self.told)],
+            "distance": [f"base {self.agent_distance.base:.1f} m"],
+            "given up": failed,
+            "reads truth": [escape(", ".join(self.privileged))] if self.privileged else [],
+        }
+        return result_html(f"q = {self.q:.3f}", self._about, self.success, rows)
+
+    @property
+    def _about(self) -> str:
+        return f"{self.task}, instance {self.instance_id}, seed {self.rollout_id}"
 
     @property
     def timed_diagnosis(self) -> list[Handoff] | None:
