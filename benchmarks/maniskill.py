@@ -40,8 +40,13 @@ def main() -> None:
     parser.add_argument("--cameras", type=int, default=10, help="steps of a round with cameras; 0: none")
     given = parser.parse_args()
     world = core(render=False)
+
+    def play(action: Array) -> None:
+        world.robot.act(action)
+        world.step()
+
     blind: dict[str, Step] = {
-        "core": world.step,
+        "core": play,
         "ManiSkill, no observation": environment("none", "none").step,
         "ManiSkill, state and reward": environment("state", "q_increment").step,
     }
@@ -50,7 +55,8 @@ def main() -> None:
         seeing = core(render=True)
 
         def look(action: Array) -> None:
-            seeing.step(action)
+            seeing.robot.act(action)
+            seeing.step()
             for camera in r1.CAMERAS:
                 seeing.robot.look(camera)
 

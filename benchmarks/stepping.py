@@ -73,7 +73,8 @@ def against_bare(world: SimWorld) -> None:
         action[ActionLayout.BASE] = (0.25 * direction, 0.0, 0.4 * direction)
         started = time.perf_counter()
         for _ in range(STEPS):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
         ours.append(STEPS / (time.perf_counter() - started))
         started = time.perf_counter()
         for _ in range(STEPS * SUBSTEPS):
@@ -99,7 +100,7 @@ def driving(world: SimWorld, grid_map: OccupancyMap) -> None:
                 driven = time.perf_counter()
                 if report.progress is not Progress.RUNNING:
                     break
-                world.step(world.robot.action)
+                world.step()
                 stepped = time.perf_counter()
                 plans += [driven - started] if not stepping else []
                 navigating, stepping = navigating + driven - started, stepping + stepped - driven
@@ -150,7 +151,8 @@ def ruled(name: str, on: Sequence[str], turning_rad_s: float) -> None:
             action[ActionLayout.BASE] = (0.0, 0.0, turning_rad_s * (1 if (round_ + all_of_them) % 2 else -1))
             started = time.process_time()
             for _ in range(STEPS):
-                world.step(action)
+                world.robot.act(action)
+                world.step()
             costs[all_of_them].append((time.process_time() - started) / STEPS)
     ratio = statistics.median(a / b for a, b in zip(costs[True], costs[False], strict=True))
     label = f"{'turning' if turning_rad_s else 'resting'}, {name}" + "".join(f", {switched} on" for switched in on)

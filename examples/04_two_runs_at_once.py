@@ -28,7 +28,7 @@ for tick in range(120):
     for number, (tree, world) in enumerate(runs, start=1):
         if tick % number == 0:  # the second run goes at half the speed
             tree.tick()
-            world.step(world.robot.action)
+            world.step()
 
 for number, (tree, world) in enumerate(runs, start=1):
     print(f"run {number}: {world.time_s:.1f} s, {tree.context.blackboard['laps']} laps")

@@ -34,7 +34,7 @@ tree, world = dry_tree(spec), EmptyWorld()
 tree.setup(dry_context(world, tree))
 for _ in range(150):  # 5 simulated seconds
     tree.tick()
-    world.step(world.robot.action)
+    world.step()
 text = save_run(tree, world).model_dump_json()
 print(f"saved at {world.time_s:.1f} s as {len(text)} characters of JSON")
 
@@ -49,5 +49,5 @@ print(ascii_tree(spec, tree.states()))
 tree.swap_rest("errands/navigate#2", [parse_tree(NEW).root])
 print(f"\nthe plan changes at {world.time_s:.1f} s")
 while tree.tick().value == "RUNNING":
-    world.step(world.robot.action)
+    world.step()
 print(ascii_tree(tree.spec, tree.states()))

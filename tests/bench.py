@@ -49,7 +49,7 @@ class Bench:
         if not hasattr(self.tree.root, "context"):
             self.tree.setup(self.context)
         status = self.tree.tick()
-        self.world.step(self.world.robot.action)
+        self.world.step()
         return status
 
     def node(self, end: str) -> Behaviour:

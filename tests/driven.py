@@ -113,7 +113,8 @@ class Driver:
 
     def _carry_out(self, action: Array) -> None:
         self.world.robot.act(action)
-        self.world.step(action)
+        self.world.robot.act(action)
+        self.world.step()
 
 
 def _picture(camera: str, size: int = 8) -> CameraImage:
@@ -126,7 +127,8 @@ def _picture(camera: str, size: int = 8) -> CameraImage:
 def observation_2026(size: int) -> dict[str, Any]:
     """What BEHAVIOR's evaluator of 2026 sends of a robot that stands where episodes begin, with labels beside."""
     world = KinematicWorld()
-    world.step(travel_action(R1PRO))
+    world.robot.act(travel_action(R1PRO))
+    world.step()
     body = replace(world.robot.proprioception(), robot="r1pro")
     images = {name: _picture(name, size) for name in ("head", "left", "right")}
     return Behavior("behavior-2026").write(

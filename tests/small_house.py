@@ -46,4 +46,5 @@ def small_world(
 def run(world: SimWorld, action: Array, seconds: float) -> None:
     """Step a world with one action."""
     for _ in range(round(seconds * 30)):
-        world.step(action)
+        world.robot.act(action)
+        world.step()

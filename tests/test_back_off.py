@@ -28,7 +28,8 @@ def backed_off(*sides: str, by: Callable[[Work], Actions] = back_off) -> Array:
     world = small_world({side: BEHIND[side] for side in sides})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in by(work):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     return np.asarray(work.motion.felt.base_pose)
 
@@ -55,7 +56,8 @@ def test_close_before_something_it_goes_aside() -> None:
     world = small_world({"box": placed("carton_of_milk", -0.4, 0.0)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in back_off(work):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     x, y, yaw = work.motion.felt.base_pose
     assert -0.3 < x < -0.1
@@ -90,7 +92,8 @@ def before_a_wall(yaw: float) -> tuple[SimWorld, Work]:
 def played(world: SimWorld, work: Work, actions: Actions) -> Array:
     """Where the base is (3,) after these actions."""
     for action in actions:
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     return np.asarray(work.motion.felt.base_pose)
 
@@ -139,7 +142,8 @@ def test_an_arm_that_meets_what_nobody_knows_of_is_folded_from_farther_back() ->
         felt = work.motion.felt
         if felt.base_pose[0] > -0.1:
             action[ActionLayout.ARM["left"]] = felt.arm["left"]
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     for side in SIDES:
         np.testing.assert_allclose(work.motion.felt.arm[side], R1.travel_arm[side], atol=0.03)

@@ -47,7 +47,8 @@ def test_a_server_that_holds_still_leaves_the_robot_in_its_posture(name: str, ho
             images = {camera: house.robot.look(camera) for camera in policy.cameras}
             felt = house.robot.proprioception()
             for action in policy.infer({"prompt": "wait", "proprioception": felt, "images": images}):
-                house.step(action)
+                house.robot.act(action)
+                house.step()
         after, end = house.robot.proprioception(), house.robot.look("head")
     np.testing.assert_allclose(after.torso, REST[ActionLayout.TORSO], atol=1e-3)
     np.testing.assert_allclose(after.base_pose, before.base_pose, atol=1e-4)
@@ -65,7 +66,8 @@ def test_velocities_of_trunk_and_hands_are_felt(house: SimWorld) -> None:
         before, rising = house.robot.proprioception(), REST.astype(float)
         rising[ActionLayout.TORSO] += 0.01 * step * np.array([-1, 1, 1, -1])
         rising[[ActionLayout.GRIPPER[side] for side in SIDES]] -= 0.05 * step
-        house.step(rising)
+        house.robot.act(rising)
+        house.step()
     after = house.robot.proprioception()
     moved = (after.torso - before.torso) * CONTROL_HZ
     assert np.abs(moved).min() > 0.1

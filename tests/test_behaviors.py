@@ -63,7 +63,8 @@ def test_an_interrupted_leaf_stops_the_robot(root: str) -> None:
     held = bench.world.robot.action
     assert not held[ActionLayout.BASE].any()
     assert root == PICK or moving[ActionLayout.BASE].any()
-    bench.world.step(held)
+    bench.world.robot.act(held)
+    bench.world.step()
     assert np.allclose(bench.world.robot.action, held)
 
 
@@ -177,7 +178,8 @@ def test_what_is_within_the_limits_reaches_the_robot_bit_by_bit(seed: int) -> No
         bench.world.robot.act(last)
         bench.tree.tick()
         assert bench.world.robot.action.tobytes() == action.tobytes()
-        bench.world.step(action)
+        bench.world.robot.act(action)
+        bench.world.step()
     assert bench.context.log.clipped == 0
 
 

@@ -16,7 +16,8 @@ from tests.small_house import placed, small_world
 def told(world: SimWorld, expert: ExpertPolicy, prompt: str) -> Proprioception:
     """What is felt after one step with a prompt."""
     felt = world.robot.proprioception()
-    world.step(expert.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0])
+    world.robot.act(expert.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0])
+    world.step()
     return world.robot.proprioception()
 
 

@@ -33,7 +33,8 @@ def test_a_log_falls_into_two_halves_where_it_lay() -> None:
     world = an_ax_over_a_log()
     before = bounds(world.solids("log.n.01_1"))
     assert not any(map(world.exists, HALVES))
-    world.step(STILL)
+    world.robot.act(STILL)
+    world.step()
     assert [name for name in world.objects if name != "ax"] == HALVES
     assert not world.exists("log.n.01_1")
     after = bounds([solid for name in HALVES for solid in world.solids(name)])

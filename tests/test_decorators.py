@@ -214,7 +214,7 @@ def test_a_tree_goes_on_from_its_state_as_if_it_had_not_stopped(root: str, at: i
     for _ in range(at):
         first.tick()
     for _ in range(later):
-        second.world.step(second.world.robot.action)
+        second.world.step()
     saved = json.loads(json.dumps([(n.status.value, n.ended, n.state()) for n in first.tree.nodes.values()]))  # type: ignore[attr-defined]
     for node, (status, ended, state) in zip(second.tree.nodes.values(), saved, strict=True):
         node.status, node.ended = Status(status), ended  # type: ignore[attr-defined]

@@ -196,7 +196,8 @@ def test_a_can_is_followed_from_the_hand_to_the_floor() -> None:
     def steps(seconds: float, gripper: float, base: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         action[ActionLayout.GRIPPER["right"]], action[ActionLayout.BASE] = gripper, base
         for _ in range(round(seconds * CONTROL_HZ)):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             made.feel(world.robot.proprioception())
 
     def off() -> float:

@@ -62,7 +62,8 @@ def test_a_box_at_a_wall_is_swung_out_and_goes_on_standing() -> None:
     task = work(world)
     before = world.pose("box")
     for action in draw_out(task, "box", "right"):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         task.motion.felt = world.robot.proprioception()
     after = world.pose("box")
     assert np.arccos(np.clip(before[:3, 0] @ after[:3, 0], -1, 1)) > np.pi / 6

@@ -64,7 +64,7 @@ def drive(world: SimWorld, driver: Driver, goal: Array, most_s: float = 60.0) ->
             return ""
         except GaveUp as failure:
             return failure.reason
-        world.step(world.robot.action)
+        world.step()
     return "too slow"
 
 
@@ -128,7 +128,7 @@ def test_what_only_depth_shows_is_driven_around() -> None:
     bumps = world.measure_bumps()
     driver = Driver(world.robot, looking, KnowledgeBase, ArmStow(world.robot))
     for _ in driver.to(goals, "driving"):
-        world.step(world.robot.action)
+        world.step()
     np.testing.assert_allclose(world.robot.proprioception().base_pose[:2], [2.0, 0.0], atol=0.03)
     assert plans > 1
     assert not driver.blocks

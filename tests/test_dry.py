@@ -117,7 +117,7 @@ def test_the_world_only_keeps_time() -> None:
     """Thirty steps a second, and it goes on from where it was saved."""
     world = EmptyWorld()
     for _ in range(45):
-        world.step(world.robot.action)
+        world.step()
     again = EmptyWorld()
     again.restore(world.save())
     assert (world.steps, world.time_s) == (again.steps, again.time_s) == (45, 1.5)

@@ -40,7 +40,8 @@ def play(world: SimWorld, prompt: str, until: str | None = "done", limit_s: floa
     played = Played("", 0.0)
     for step in range(round(limit_s * CONTROL_HZ)):
         (action,) = expert.infer({"prompt": prompt, "proprioception": world.robot.proprioception(), "images": {}})
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         played.actions.append(action)
         played.seconds = (step + 1) / CONTROL_HZ
         if expert.note == until:
@@ -88,7 +89,8 @@ def test_a_new_prompt_begins_anew() -> None:
         (action,) = expert.infer({"prompt": prompt, "proprioception": felt, "images": {}})
         for s in SIDES:
             assert np.abs(action[ActionLayout.ARM[s]] - felt.arm[s]).max() < 0.2
-        world.step(action)
+        world.robot.act(action)
+        world.step()
     expert.close()
 
 
@@ -205,7 +207,8 @@ def test_what_was_held_aside_is_brought_back_after_a_failure() -> None:
     aside = motion.hand("right")
     aside[:2, 3] += (0.15, -0.12)
     for action in motion.line("right", aside):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         motion.felt = world.robot.proprioception()
     assert play(world, "pick up the book", until=None, limit_s=15).note == "pick: no_grasp"
     assert world.holding("right") == "can"

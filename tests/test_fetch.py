@@ -108,7 +108,8 @@ def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     action[ActionLayout.ARM["right"]] = 0.4, 0.3, 0.5, 0.9, -0.4, 0.8, 0.3
     action[ActionLayout.BASE] = 0.2, 0.0, 0.3
     for _ in range(150):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
     felt = world.robot.proprioception()
     base = kin.base(felt.base_pose)
     tcp = base @ FETCH.tcp(felt.torso, felt.arm["right"], "right")
@@ -129,7 +130,8 @@ def test_it_drives_to_poses_without_going_sideways(world: SimWorld) -> None:
     for goal in (np.array([0.4, 0.3, 1.0]), np.array([0.4, 0.1, 1.0]), np.zeros(3)):
         for action in motion.drive(goal):
             assert action[1] == 0.0
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             motion.felt = world.robot.proprioception()
         off = motion.felt.base_pose - goal
         assert np.linalg.norm(off[:2]) < 0.03
@@ -237,7 +239,8 @@ def test_its_cameras_show_what_is_before_them() -> None:
     action = world.robot.action
     action[ActionLayout.TORSO] = 0.2, 0.0, 0.0, 0.75
     for _ in range(30):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
     for name, wanted in (("head", "can_1"), ("right", "robot")):
         image = world.robot.look(name)
         assert image.rgb.shape == (FETCH.cameras[name].height, FETCH.cameras[name].width, 3)

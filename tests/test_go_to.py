@@ -33,7 +33,8 @@ def play(world: SimWorld, policy: ScriptedPolicy | DemonstratedPolicy, prompt: s
         images = {camera: world.robot.look(camera) for camera in policy.cameras}
         felt = world.robot.proprioception()
         (action,) = policy.infer({"prompt": prompt, "proprioception": felt, "images": images})
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         if getattr(policy, "ended", False):
             break
     return world.robot.proprioception().base_pose
@@ -87,7 +88,8 @@ def test_where_nobody_says_that_it_is_there_it_looks_again_from_aside() -> None:
     for _ in range(10 * CONTROL_HZ):
         felt = world.robot.proprioception()
         (action,) = policy.infer({"prompt": "go to the trash can", "proprioception": felt, "images": {}})
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         yaws.append(felt.base_pose[2] - there[2])
     assert (min(yaws), max(yaws)) == pytest.approx((-0.4, 0.4), abs=0.1)
 

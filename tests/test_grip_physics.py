@@ -22,7 +22,8 @@ def close(world: SimWorld, watch: GripWatch, seconds: float) -> list[tuple[float
     action, shut = world.robot.action, False
     for step in range(1, round(seconds * CONTROL_HZ) + 1):
         action[ActionLayout.GRIPPER["right"]] = max(-1.0, 1.0 - 2.0 * step / (CLOSE_S * CONTROL_HZ))
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         felt = world.robot.proprioception()
         found += [(step / CONTROL_HZ, kind) for kind, side in watch.update(felt) if side == "right"]
         if not shut and felt.gripper_width["right"] < EMPTY_M:
@@ -56,7 +57,8 @@ def test_a_lost_grasp_is_noticed_within_half_a_second(entry: str) -> None:
     world.place("thing", FAR)
     action = world.robot.action
     for step in range(1, 60):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         if kinds := [kind for kind, side in watch.update(world.robot.proprioception()) if side == "right"]:
             assert kinds == ["lost"]
             assert step / CONTROL_HZ < SOON_S

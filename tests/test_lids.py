@@ -91,7 +91,8 @@ def test_a_hand_at_its_end_is_raised_off_a_bar_by_the_torso(monkeypatch: pytest.
     monkeypatch.setattr(work, "rise", no_reach)
     before = work.motion.felt.torso[0]
     for action in _rise_off(work, "right"):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     assert work.motion.felt.torso[0] == pytest.approx(before + 0.1, abs=0.01)
 

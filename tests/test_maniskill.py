@@ -122,7 +122,8 @@ def test_the_same_commands_drive_the_same_way(env: gymnasium.Env[Any, Any]) -> N
     apart = []
     for action in wanders(300):
         env.step(action)
-        there.step(action)
+        there.robot.act(action)
+        there.step()
         apart.append(here.robot.proprioception().base_pose - there.robot.proprioception().base_pose)
     assert np.linalg.norm((there.robot.proprioception().base_pose - begun)[:2]) > 0.3
     assert np.linalg.norm(np.array(apart)[:, :2], axis=1).max() < 0.02
@@ -133,8 +134,10 @@ def test_a_tree_drives_it_the_cores_way(env: gymnasium.Env[Any, Any]) -> None:
     env.reset()
     here, there = inner(env).world, core()
     for action in wanders(60, seed=3).astype(float) + 1e-9:
-        here.step(action)
-        there.step(action)
+        here.robot.act(action)
+        here.step()
+        there.robot.act(action)
+        there.step()
     ours, theirs = here.save(), there.save()
     assert ours["robot"] == theirs["robot"]
     assert [ours["things"][name] for name in here.objects] == [theirs["things"][name] for name in here.objects]
@@ -168,11 +171,11 @@ def test_what_sleeps_keeps_its_contacts(env: gymnasium.Env[Any, Any]) -> None:
     can = next(name for name in world.objects if name.startswith("can"))
     floor = next(name for name in world.things if name.startswith("floor_") and world.touching(can, name))
     for _ in range(60):
-        world.step(world.robot.action)
+        world.step()
     assert world.thing(can).rigid_body.is_sleeping
     assert world.touching(can, floor)
     world.place(can, kin.transform(np.eye(3), (0.0, 0.0, 5.0)))
-    world.step(world.robot.action)
+    world.step()
     assert not world.touching(can, floor)
 
 
@@ -453,7 +456,7 @@ def test_maniskills_fetch_is_judged_as_the_r1_is(fetch: gymnasium.Env[Any, Any])
     assert float(info["q"]) == float(reward) == 1.0
     assert bool(terminated)
     with pytest.raises(BackendError, match="its own controllers"):
-        world.step(np.zeros(ACTION_SIZE))
+        world.step()
 
 
 @pytest.mark.rare

@@ -9,7 +9,6 @@ import pytest
 
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import pose
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.sim.world import Placement, SimWorld
 from tests.small_house import CATALOGUE, placed, small_world
 
@@ -60,7 +59,7 @@ def test_marks_are_saved_and_a_clean_world_saves_none() -> None:
     other.restore(json.loads(json.dumps(world.save())))
     assert [other.covered("ball", kind) for kind in (DUST, RUST)] == [False, True]
     clean = small_world({"can": placed("can_of_soda", 0.4, 0.0)})
-    clean.step(np.zeros(ACTION_SIZE))
+    clean.step()
     assert clean.save()["marks"] == {}
     assert not clean.covered("can", DUST)
 

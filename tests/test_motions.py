@@ -110,7 +110,7 @@ def test_an_interrupted_motion_holds(root: str) -> None:
     assert bench.tree.status == Status.RUNNING
     bench.tree.interrupt()
     before = bench.world.robot.proprioception()
-    bench.world.step(bench.world.robot.action)
+    bench.world.step()
     after = bench.world.robot.proprioception()
     assert np.allclose(before.base_pose, after.base_pose)
     assert all(np.allclose(before.arm[side], after.arm[side]) for side in SIDES)

@@ -215,7 +215,7 @@ def test_it_keeps_the_contract_of_a_navigator() -> None:
     """The same checks as every navigator, ours or a user's."""
     robot = KinematicRobot(1.0, 1.0)
     navigator = KnownPlaceNavigator(robot, two_rooms(), knowing())
-    check_navigator(navigator, robot, lambda _: robot.advance(), "living room")
+    check_navigator(navigator, robot, robot.advance, "living room")
 
 
 def test_at_the_target_already_it_is_done_without_a_move() -> None:

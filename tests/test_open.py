@@ -53,7 +53,8 @@ def play(
     expert, said = ExpertPolicy(world, SKILLS), [""]
     for step in range(round(limit_s * 30)):
         (action,) = expert.infer({"prompt": prompt, "proprioception": world.robot.proprioception(), "images": {}})
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         if watch is not None:
             watch(step, expert)
         if expert.note != said[-1]:
@@ -271,7 +272,8 @@ def test_a_base_that_is_held_up_goes_back_before_it_gives_up() -> None:
 
     def go() -> None:
         for action in go_along(motion, course, "left", motion.torso, lambda x: False):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             motion.felt = world.robot.proprioception()
             went.append(float(motion.felt.base_pose[1]))
 

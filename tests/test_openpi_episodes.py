@@ -88,7 +88,7 @@ def check_failed(outcome: Outcome, world: KinematicWorld, trace: Path, reason: s
     assert not world.robot.action[ActionLayout.BASE].any()
     before = world.robot.proprioception()
     for _ in range(30):
-        world.step(world.robot.action)
+        world.step()
     after = world.robot.proprioception()
     assert np.array_equal(before.base_pose, after.base_pose)
     for side in SIDES:

@@ -251,7 +251,8 @@ def picked() -> tuple[Recorder, Vocabulary]:
     for _ in range(round(EPISODE_S * CONTROL_HZ)):
         images = {camera: world.robot.look(camera) for camera in recorder.cameras}
         seen = {"prompt": "pick up the can of soda", "proprioception": world.robot.proprioception(), "images": images}
-        world.step(recorder.infer(seen)[0])
+        world.robot.act(recorder.infer(seen)[0])
+        world.step()
     assert sum(len(seen["images"]) for seen, _ in recorder.asked) > 3, "it has looked"
     assert any(world.robot.proprioception().holds(side) for side in SIDES), "it has acted"
     return recorder, vocabulary

@@ -33,7 +33,8 @@ def played(world: SimWorld, task: Work, actions: Actions) -> None:
     """Perform it."""
     until_s = world.time_s + 60.0
     for action in actions:
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         task.motion.felt = world.robot.proprioception()
         assert world.time_s < until_s
 
@@ -93,7 +94,8 @@ def test_fingers_go_straight_down_beside_a_thing_wherever_the_base_has_come_to_s
     monkeypatch.setattr(picking, "arrive", shoved)
     task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in pick(task, {"object": "toaster"}, []):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         task.motion.felt = world.robot.proprioception()
         tilts.append(float(world.pose("toaster")[2, 2]))
     assert "toaster" in (task.scene.holding("left"), task.scene.holding("right"))

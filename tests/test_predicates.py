@@ -20,8 +20,8 @@ from mpvi_bt.house.goals import predicates
 from mpvi_bt.house.goals.formula import Literal, literals
 from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.goals.problem import load_problem
-from mpvi_bt.house.states.heat import Heat, Thermal
 from mpvi_bt.house.states.relations import inside, nextto, ontop, open_, resting_on, touching, under
+from mpvi_bt.house.states.temperature import Heat, Thermal
 
 
 @dataclass

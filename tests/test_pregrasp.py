@@ -105,7 +105,8 @@ def test_the_hand_is_before_the_thing_and_nothing_is_touched():
     while not policy.asked and world.time_s < 30:
         images = {camera: world.robot.look(camera) for camera in both.cameras}
         felt = world.robot.proprioception()
-        world.step(both.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": images})[0])
+        world.robot.act(both.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": images})[0])
+        world.step()
         touched |= any({ROBOT, "can"} == {a, b} for a, b, _ in world.contacts())
     assert policy.asked
     assert asked

@@ -29,7 +29,8 @@ def test_a_hand_that_comes_to_hold_something_presses_all_the_same() -> None:
     assert away_m() > 0.2
     for action in press_held(work, "right", options(work, "sprayer")):
         known = True
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
         if away_m() < 0.1:
             break
@@ -43,7 +44,8 @@ def test_a_switch_is_pressed_straight_on_where_the_hands_can_meet_so() -> None:
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     scene, turned, on, lean = work.scene, 0, False, 1.0
     for action in press_held(work, "right", options(work, "lighter")):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
         if scene.is_on("lighter") != on:
             turned, on = turned + 1, not on
@@ -61,7 +63,8 @@ def test_a_switch_that_is_known_to_have_turned_is_left_at_once() -> None:
     work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
     away_m = []
     for action in press_held(work, "right", options(work, "lighter")):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
         if scene.is_on("lighter"):
             away_m.append(min(float(norm((work.hand("left") - T)[:3, 3])) for T in world.switches("lighter")))

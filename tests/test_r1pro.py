@@ -218,7 +218,8 @@ def test_it_stands_still_in_the_posture_of_rest(world: SimWorld) -> None:
     for side in SIDES:
         action[ActionLayout.GRIPPER[side]] = 1.0
     for _ in range(60):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
     after = world.robot.proprioception()
     np.testing.assert_allclose(after.torso, START, atol=1e-4)
     np.testing.assert_allclose(after.base_pose, felt.base_pose, atol=1e-4)
@@ -235,7 +236,8 @@ def test_kinematics_agree_with_the_simulator() -> None:
     action[ActionLayout.ARM["right"]] = -0.9, -0.4, 0.2, -0.8, 0.6, -0.4, -0.7
     action[ActionLayout.BASE] = 0.2, 0.1, 0.3
     for _ in range(90):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
     felt = world.robot.proprioception()
     base = kin.base(felt.base_pose)
     there = {name: link.entity.pose.to_transformation_matrix() for name, link in world.robot.links.items()}
@@ -289,7 +291,7 @@ def test_the_posture_to_drive_in_is_clear_of_the_robot_itself_and_over_its_base(
 def test_its_cameras_show_what_is_before_them() -> None:
     """The head, which does not tilt, sees a can on the floor ahead, the wrists the fingers; all pictures are square."""
     world = small_world({"can_1": placed("can_of_soda", 1.1, 0.0)}, render=True, robot=R1PRO)
-    world.step(world.robot.action)
+    world.step()
     for name, wanted in (("head", "can_1"), ("left", "robot"), ("right", "robot")):
         image = world.robot.look(name)
         height, width = image.rgb.shape[:2]

@@ -51,7 +51,8 @@ def play(world: SimWorld, policy: ReactivePolicy, prompt: str, limit_s: float, e
         played.pictures += len(images)
         felt = world.robot.proprioception()
         (action,) = policy.infer({"prompt": prompt, "proprioception": felt, "images": images})
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         played.actions.append(action)
         if policy.note == "done":
             break

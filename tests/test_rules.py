@@ -15,24 +15,12 @@ from mpvi_bt.finding.scene.mount_pose import Mount
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.house.states.cutting import Cuttable, Slicer, cut, rearmed
 from mpvi_bt.house.states.grains import contains, filled
-from mpvi_bt.house.states.heat import (
-    BURNS_C,
-    ROOM_C,
-    Heat,
-    Source,
-    Thermal,
-    cooked,
-    frozen,
-    heated,
-    ignited,
-    settles_at,
-    spread,
-    warmed,
-)
+from mpvi_bt.house.states.heat import BURNS_C, Source, cooked, frozen, heated, ignited, settles_at, spread, warmed
 from mpvi_bt.house.states.marks import Marks, covered
 from mpvi_bt.house.states.mounts import breaks, fits
 from mpvi_bt.house.states.recipes import Recipe, baked
 from mpvi_bt.house.states.sprayer import EVERY_STEPS, MARKS_AT_ONCE, Sprayer, sprayed
+from mpvi_bt.house.states.temperature import ROOM_C, Heat, Thermal
 from mpvi_bt.house.states.washer import begins, washed
 from mpvi_bt.house.states.wiping import CAPACITY, Remover, wiped
 

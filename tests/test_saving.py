@@ -216,7 +216,7 @@ root:
     tree = ready(world)
     for _ in range(ticks):
         tree.tick()
-        world.step(world.robot.action)
+        world.step()
     saved = SavedRun.model_validate_json(save_run(tree, world).model_dump_json())
     resumed = ready(EmptyWorld(), saved)
     restore(resumed, saved.tree)
@@ -286,7 +286,7 @@ def run(tree: Tree, world: KinematicWorld, ticks: int = 3000) -> Status:
     for _ in range(ticks):
         if tree.tick() != Status.RUNNING:
             break
-        world.step(world.robot.action)
+        world.step()
     return tree.status
 
 
@@ -304,7 +304,7 @@ def test_a_subtree_is_swapped_between_ticks(path: str, ticks: int) -> None:
     assert [s for i, s in enumerate(tree.statuses()) if i != index] == [s for i, s in enumerate(before) if i != index]
     farthest = 0.0
     while tree.tick() == Status.RUNNING and tree.ticks < 3000:
-        world.step(world.robot.action)
+        world.step()
         farthest = max(farthest, float(world.robot.proprioception().base_pose[1]))
     assert tree.status == Status.SUCCESS
     behind = before[index] == Status.SUCCESS  # the cursor has passed it

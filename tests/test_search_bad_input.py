@@ -20,7 +20,6 @@ from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.finding.navigation.exploring import ExploringNavigator
 from mpvi_bt.finding.perception.detector import Detection, GuardedDetector
 from mpvi_bt.ground.errors import DetectorError
-from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import CameraImage
 from tests.depth_pictures import walls
 from tests.navigation_maps import put_box, thing, two_rooms
@@ -45,7 +44,7 @@ class LoopWorld:
         """Control steps."""
         return self.robot.steps
 
-    def step(self, action: Array) -> None:
+    def step(self) -> None:
         """One control step."""
         self.robot.advance()
 

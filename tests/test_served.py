@@ -195,7 +195,8 @@ def test_odometry_drifts_by_centimeters() -> None:
             action = world.robot.action.copy()
             yaw = world.robot.proprioception().base_pose[2]
             action[ActionLayout.BASE] = rot_z(-yaw) @ velocity
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             told = moved(told, world.robot.proprioception().base_velocity, 1 / 30)
     off = told - world.robot.proprioception().base_pose
     assert np.linalg.norm(off[:2]) < 0.05

@@ -50,7 +50,8 @@ def test_what_no_level_way_leads_home_for_may_tip_unless_it_is_filled(filled: bo
     before = work.motion.hand("right")[0, 3]
     try:
         for action in settle(work):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             work.motion.felt = glued().motion.felt
     except MotionFailure as failure:
         assert filled
@@ -83,7 +84,8 @@ def test_who_bends_down_and_finds_no_level_way_straightens_up_with_what_is_held(
     work = Work(scene, Motion(felt()), np.random.default_rng(0))
     before = work.motion.hand("left")
     for action in settle(work):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = felt()
     np.testing.assert_allclose(work.motion.torso[:3], R1.travel_torso[:3], atol=0.01)
     np.testing.assert_allclose(work.motion.hand("left")[2, :3], before[2, :3], atol=0.05)

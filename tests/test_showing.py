@@ -47,7 +47,8 @@ def asked_at(world: SimWorld, prompt: str, seconds: float) -> list[Array]:
     seen = []
     for _ in range(round(seconds * CONTROL_HZ)):
         felt = world.robot.proprioception()
-        world.step(policy.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0])
+        world.robot.act(policy.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0])
+        world.step()
         if triggers.update() is not None:
             seen.append(np.concatenate([felt.torso, felt.base_pose]))
     return seen
@@ -149,7 +150,8 @@ def test_what_slipped_out_after_it_was_taken_is_taken_anew(held: dict[Side, str]
     policy = Done(TrueScene(world), SKILLS)
     for _ in range(5 * CONTROL_HZ):
         felt = world.robot.proprioception()
-        world.step(policy.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": {}})[0])
+        world.robot.act(policy.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": {}})[0])
+        world.step()
     assert policy.begun == begun
 
 

@@ -452,7 +452,8 @@ def test_what_is_too_far_off_is_driven_up_to_by_legs() -> None:
         legs += 1
         for pose in way:
             for action in work.motion.drive(pose):
-                world.step(action)
+                world.robot.act(action)
+                world.step()
                 work.motion.felt = world.robot.proprioception()
     assert 1 <= legs <= 3
     assert search.stands(goal)[0]

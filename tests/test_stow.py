@@ -28,7 +28,8 @@ def world(**gripper: float) -> KinematicWorld:
         action[ActionLayout.ARM[s]] = r1.mirrored(REACHING, s)
         action[ActionLayout.GRIPPER[s]] = gripper.get(s, 1.0)
     for _ in range(60):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
     world.robot.act(action)
     return world
 
@@ -40,7 +41,8 @@ def put_hand(world: KinematicWorld, side: Side, T: Array) -> None:
     q = R1.nearest_posture(chest @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action[ActionLayout.ARM[side]] = q
-    world.step(action)
+    world.robot.act(action)
+    world.step()
     world.robot.act(action)
 
 
@@ -50,7 +52,7 @@ def stow(world: KinematicWorld, seed: int = 0, carries: Callable[[Side], bool] |
     stow.start()
     while not stow.step():
         sent.append(world.robot.action)
-        world.step(world.robot.action)
+        world.step()
         assert len(sent) < 30 * CONTROL_HZ
     return np.array(sent).reshape(-1, 23)
 
@@ -93,7 +95,8 @@ def test_a_hand_that_holds_far_out_is_drawn_back_first(at: tuple[float, float], 
     action[ActionLayout.TORSO] = torso
     action[ActionLayout.ARM["left"]], action[ActionLayout.ARM["right"]] = q, r1.TRAVEL_ARM["right"]
     for _ in range(60):
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     home.robot.act(action)
     before = home.robot.proprioception().base_pose
     stow(home)
@@ -113,7 +116,8 @@ def test_a_torso_straightens_up_though_what_is_held_cannot_stay_where_it_is(side
     assert q is not None
     action[ActionLayout.ARM[side]], action[ActionLayout.ARM[other(side)]] = q, r1.TRAVEL_ARM[other(side)]
     for _ in range(60):
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     home.robot.act(action)
     stow(home)
     felt = home.robot.proprioception()
@@ -189,13 +193,15 @@ def test_an_empty_hand_is_drawn_off_along_its_fingers_before_the_base_moves(side
     action[ActionLayout.TORSO], action[ActionLayout.ARM[side]] = torso, q
     action[ActionLayout.ARM[other(side)]] = r1.TRAVEL_ARM[other(side)]
     for _ in range(60):
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     home.robot.act(action)
     stow = ArmStow(home.robot)
     stow.start()
     while not home.robot.action[ActionLayout.BASE].any():
         assert not stow.step()
-        home.step(home.robot.action)
+        home.robot.act(home.robot.action)
+        home.step()
     felt = home.robot.proprioception()
     off = kin.inverse(T) @ R1.tcp(felt.torso, felt.arm[side], side)
     np.testing.assert_allclose(off[:3, 3], [0.0, 0.0, -0.12], atol=0.01)
@@ -218,7 +224,8 @@ def test_a_hand_caught_behind_a_rim_is_raised_and_the_arms_are_folded_all_the_sa
         action = home.robot.action.copy()
         if height() < rim:
             action[ActionLayout.BASE] = 0.0
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     felt = home.robot.proprioception()
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
@@ -237,7 +244,8 @@ def test_an_arm_that_is_blocked_is_folded_from_farther_back() -> None:
         if felt.base_pose[0] > before.base_pose[0] - 0.4:
             for s in SIDES:
                 action[ActionLayout.ARM[s]] = felt.arm[s]
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     felt = home.robot.proprioception()
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
@@ -256,7 +264,8 @@ def test_against_a_wall_the_base_draws_back_along_it(side: Side) -> None:
         action = home.robot.action.copy()
         if action[ActionLayout.BASE][:2] @ toward > 0:
             action[ActionLayout.BASE] = 0.0
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     felt = home.robot.proprioception()
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
@@ -276,7 +285,8 @@ def test_where_the_base_cannot_go_back_what_can_be_brought_home_is(fixed: tuple[
         action[ActionLayout.BASE] = 0.0
         for s in fixed:
             action[ActionLayout.ARM[s]] = felt.arm[s]
-        home.step(action)
+        home.robot.act(action)
+        home.step()
     felt = home.robot.proprioception()
     np.testing.assert_allclose(felt.torso, r1.TRAVEL_TORSO, atol=1e-6)
     for s in set(SIDES) - set(fixed):

@@ -154,7 +154,8 @@ def test_a_container_in_a_hand_that_shows_no_opening_is_held_out(robot: RobotMod
         if work.scene.volumes("bin"):
             break
         for action in look:
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             work.motion.felt = world.robot.proprioception()
         T = work.motion.hand("left")
         if min(np.abs(T - before).max() for before in shown) > 0.1:

@@ -301,7 +301,7 @@ def test_what_a_tick_touched_are_nodes_of_the_tree(tmp_path: Path) -> None:
         assert set(tree.touched) <= set(tree.nodes.values())
         stand_in = tree.nodes["retry/timeout/wait"]
         reset += stand_in in tree.touched and stand_in.status == Status.INVALID
-        world.step(world.robot.action)
+        world.step()
     assert reset == 1
 
 

@@ -11,7 +11,8 @@ from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.goals.predicates import cooked, frozen
 from mpvi_bt.house.sim.world import Placement, SimWorld
-from mpvi_bt.house.states.heat import ROOM_C, Thermal, settles_at
+from mpvi_bt.house.states.heat import settles_at
+from mpvi_bt.house.states.temperature import ROOM_C, Thermal
 from tests.small_house import CATALOGUE, placed, small_world
 
 FRIDGE = "{entry: refrigerator, at: [1.5, 0.0], yaw_deg: 180}"
@@ -76,7 +77,8 @@ def test_how_warm_things_are_is_saved() -> None:
 def test_what_heat_does_nothing_to_costs_nothing_and_stays_as_the_room() -> None:
     """A world without such things follows none, and asks nothing of itself."""
     world = small_world({"can": placed("can_of_soda", 0.9, 0.0)}, fridge_1=FRIDGE)
-    world.step(np.zeros(ACTION_SIZE))
+    world.robot.act(np.zeros(ACTION_SIZE))
+    world.step()
     heat, kind = world.heat("can")
     assert (heat.now_c, kind) == (ROOM_C, Thermal())
     assert world.save()["heat"] == {}

@@ -54,9 +54,11 @@ class Gullible(KinematicRobot):
 
 def test_a_bad_robot_is_caught() -> None:
     """A robot that does not hold, or takes what is not finite, fails the check."""
-    for robot, what in ((Restless(), "stand still"), (Gullible(), "refuse")):
-        with pytest.raises(AssertionError, match=what):
-            check_robot(robot, robot.advance)
+    restless, gullible = Restless(), Gullible()
+    with pytest.raises(AssertionError, match="stand still"):
+        check_robot(restless, lambda: restless.advance(restless.action))
+    with pytest.raises(AssertionError, match="refuse"):
+        check_robot(gullible, lambda: gullible.advance(gullible.action))
 
 
 class Odd(GripPolicy):

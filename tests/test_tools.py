@@ -31,7 +31,8 @@ def test_a_brush_takes_dust_where_it_goes_and_none_elsewhere() -> None:
         world.mark("cornet", kind)
     before = len(world.save()["marks"]["on"]["cornet"][DUST])
     world.place("brush", over(world, "scrub_brush", "cornet"), fixed=True)
-    world.step(STILL)
+    world.robot.act(STILL)
+    world.step()
     left = world.save()["marks"]["on"]["cornet"]
     assert 0 < len(left[DUST]) < before
     assert len(left["rust.n.01"]) == before
@@ -56,7 +57,8 @@ def test_a_sprayer_marks_what_it_meets_first_while_it_is_on() -> None:
     other.restore(json.loads(json.dumps(world.save())))
     assert other.save()["marks"] == world.save()["marks"]
     for each in (world, other):
-        each.step(STILL)
+        each.robot.act(STILL)
+        each.step()
     assert other.save()["marks"]["steps"] == world.save()["marks"]["steps"]
 
 
@@ -98,7 +100,8 @@ def test_a_mount_gives_way_to_what_tears_hard() -> None:
     mounted = world.pose("camera")
     for off, holds in ((0.02, True), (0.04, False)):
         world.place("camera", kin.transform(mounted[:3, :3], mounted[:3, 3] + [0.0, 0.0, off]), fixed=True)
-        world.step(STILL)
+        world.robot.act(STILL)
+        world.step()
         assert world.attached("camera", "tripod") is holds
 
 

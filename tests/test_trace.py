@@ -425,7 +425,7 @@ def test_a_resumed_run_is_recorded_from_where_it_goes_on(tmp_path: Path) -> None
     assert len(context.log.queries) == 1
     capture = Capture()
     for _ in range(90):
-        world.step(world.robot.action)
+        world.step()
     run_episode(Tree(FETCH), world, context, [Recorder(tmp_path / "t"), capture], saved=saved)
     trace = read_trace(tmp_path / "t")
     assert trace.ticks[0].tick == saved.ticks + 1

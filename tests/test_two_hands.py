@@ -122,7 +122,8 @@ def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:
         for side in SIDES:
             np.testing.assert_array_equal(action[ActionLayout.ARM[side]], before[ActionLayout.ARM[side]])
             assert action[ActionLayout.GRIPPER[side]] == before[ActionLayout.GRIPPER[side]]
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
 
 
@@ -166,7 +167,8 @@ def test_a_book_is_lifted_off_a_bed_that_stands_a_meter_from_a_wall(inside_m: fl
     world.settle()
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in lift(work, {"object": "book"}, []):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     assert world.between() == "book"
     assert world.solids("book")[0].aabb()[0, 2] > 0.58
@@ -182,7 +184,8 @@ def test_a_thin_sheet_is_lifted_off_the_floor_and_stays_level(y: float, yaw: flo
     world.settle()
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in lift(work, {"object": "sheet of plywood"}, []):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     T = world.pose("sheet")
     assert world.between() == "sheet"
@@ -204,7 +207,8 @@ def test_what_two_hands_hold_is_set_down_on_the_floor_straight_ahead() -> None:
     def ahead(actions: Actions) -> list[float]:
         start, way = world.robot.proprioception().base_pose, []
         for action in actions:
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             felt = work.motion.felt = world.robot.proprioception()
             way.append(float((felt.base_pose - start)[:2] @ [np.cos(start[2]), np.sin(start[2])]))
             if squeezes(felt):
@@ -230,7 +234,8 @@ def test_hands_open_wide_wherever_they_are(lift: float, x: float) -> None:
     motion.action[ActionLayout.TORSO] = torso
 
     def step(action: Array) -> dict[Side, Array]:
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         motion.felt = world.robot.proprioception()
         return {side: motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)[:3, 3] for side in SIDES}
 
@@ -263,7 +268,8 @@ def test_the_head_looks_over_what_two_hands_hold_while_they_keep_it_where_it_is(
 
     def play_all(actions: Actions) -> None:
         for action in actions:
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             work.motion.felt = world.robot.proprioception()
 
     play_all(lift(work, {"object": "storage container"}, []))

@@ -69,7 +69,8 @@ def played(world: SimWorld, work: Work, doing: Any) -> Any:
         except StopIteration as end:
             world.refresh()
             return end.value
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
 
 

@@ -42,7 +42,7 @@ def ticked(spec: TreeSpec, ticks: int) -> tuple[Tree, EmptyWorld]:
 
 def tick(tree: Tree, world: EmptyWorld) -> Status:
     status = tree.tick()
-    world.step(world.robot.action)
+    world.step()
     return status
 
 

@@ -74,6 +74,7 @@ def test_what_has_several_tops_is_wiped_on_all_of_them(tmp_path: Path) -> None:
     world.mark("ladle", "dust.n.01")
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in wipe(work, {"target": "ladle", "tool": "scrub brush"}, []):
-        world.step(action)
+        world.robot.act(action)
+        world.step()
         work.motion.felt = world.robot.proprioception()
     assert not world.covered("ladle", "dust.n.01")

@@ -64,7 +64,7 @@ def test_one_step_is_a_thirtieth_of_a_second() -> None:
     world = small_world({"can": placed("can_of_soda", 1.0, 0.0, 2.0)})
     n = 12
     for _ in range(n):
-        world.step(world.robot.action)
+        world.step()
     fallen = 2.0 - world.pose("can")[2, 3]
     assert fallen == pytest.approx(9.81 / 2 * (n / CONTROL_HZ) ** 2, rel=0.05)
 
@@ -109,7 +109,8 @@ def test_a_world_repeats_itself_bit_for_bit() -> None:
             if k % 10 == 0:
                 action[ActionLayout.BASE] = rng.uniform(-0.6, 0.6, 3)
                 action[ActionLayout.ARM["left"]] += rng.uniform(-0.3, 0.3, 7)
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             if k % 30 == 29:
                 found.append(fingerprint(world))
         return found
@@ -129,7 +130,8 @@ def test_pictures_change_nothing() -> None:
         action = world.robot.action
         action[ActionLayout.BASE] = (0.4, 0.1, 0.3)
         for _ in range(30):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             if render and world.steps % 10 == 0:
                 world.robot.look("head")
         return fingerprint(world)

@@ -109,7 +109,7 @@ def _is_still(world: KinematicWorld) -> bool:
         return False
     before = world.robot.proprioception()
     for _ in range(30):
-        world.step(world.robot.action)
+        world.step()
     after = world.robot.proprioception()
     arms = (np.allclose(after.arm[side], before.arm_command[side], atol=1e-6) for side in SIDES)
     return np.array_equal(before.base_pose, after.base_pose) and all(arms)

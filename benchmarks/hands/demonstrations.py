@@ -104,7 +104,8 @@ def demonstrate(seed: int, folder: Path, skill: str, episodes: Path | None = Non
         def step(action: Array) -> None:
             if episode is not None:
                 episode.note(world.steps, world.robot, action, lambda: prompt)
-            world.step(action)
+            world.robot.act(action)
+            world.step()
 
         seen = find(robot, step, memory, side)
         shown = record(policy, robot, step, watch, memory, prompt, side, MOTIONS[skill])

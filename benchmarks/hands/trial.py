@@ -113,7 +113,8 @@ def play(
         images = {camera: robot.look(camera) for camera in policy.cameras}
         observation = {"prompt": trial.prompt, "proprioception": robot.proprioception(), "images": images}
         for action in policy.infer(observation):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             for watch in watching:
                 watch()
             if judge.step(action):

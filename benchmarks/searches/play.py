@@ -107,7 +107,7 @@ def play(job: Job) -> Row:
     report = navigator.step()
     while report.progress is Progress.RUNNING and world.time_s < LIMIT_S:
         began = time.perf_counter()
-        world.step(world.robot.action)
+        world.step()
         stepped = time.perf_counter()
         report = navigator.step()
         wall["stepping"] += stepped - began

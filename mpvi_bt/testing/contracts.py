@@ -25,12 +25,12 @@ def _require(condition: bool, what: str) -> None:
         raise AssertionError(what)
 
 
-def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
+def check_robot(robot: Robot, step: Callable[[], None]) -> None:
     """The contract of a Robot.
 
     Args:
         robot: At rest.
-        step: Carries out one control step of an action.
+        step: Carries out the command of `robot` for one control step.
 
     Raises:
         AssertionError: What it breaks.
@@ -64,7 +64,7 @@ def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
     before = robot.proprioception()
     for _ in range(5):
         robot.hold()
-        step(robot.action)
+        step()
     after = robot.proprioception()
     _require(bool(np.allclose(before.base_pose, after.base_pose, atol=5e-3)), "hold must keep the base in place")
     for side in body.sides:
@@ -180,14 +180,14 @@ def _actions(given: Any) -> Array:
 
 
 def check_navigator(
-    navigator: Navigator, robot: Robot, step: Callable[[Array], None], target: str, max_steps: int = 3000
+    navigator: Navigator, robot: Robot, step: Callable[[], None], target: str, max_steps: int = 3000
 ) -> None:
     """The contract of a Navigator.
 
     Args:
         navigator: Drives `robot`.
         robot: At rest.
-        step: Carries out one control step of an action.
+        step: Carries out the command of `robot` for one control step.
         target: Somewhere that can be reached.
         max_steps: How many steps it may take.
 
@@ -203,14 +203,14 @@ def check_navigator(
     _require(bool(report.reason), "a failure has a reason code")
 
 
-def _drive(navigator: Navigator, robot: Robot, step: Callable[[Array], None], target: str, max_steps: int) -> Report:
+def _drive(navigator: Navigator, robot: Robot, step: Callable[[], None], target: str, max_steps: int) -> Report:
     navigator.start(target, None)
     report = Report(Progress.RUNNING)
     for _ in range(max_steps):
         report = navigator.step()
         if report.progress is not Progress.RUNNING:
             break
-        step(robot.action)
+        step()
     navigator.stop()
     _require(not robot.action[ActionLayout.BASE].any(), "stop must let the base stand still")
     return report

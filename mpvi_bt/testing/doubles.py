@@ -132,9 +132,9 @@ class KinematicWorld(StepClock):
     def __init__(self) -> None:
         self.robot = KinematicRobot()
 
-    def step(self, action: Array) -> None:
+    def step(self) -> None:
         """One control step."""
-        self.robot.advance(action)
+        self.robot.advance(self.robot.action)
         self.steps += 1
 
     def save(self) -> dict[str, Any]:

@@ -55,7 +55,8 @@ def put_in_hands(world: SimWorld, held: Mapping[Side, str]) -> None:
         for side, name in held.items():
             world.place(name, poses[side], fixed=fixed)
         for _ in range(round(_CLOSING_S * CONTROL_HZ)):
-            world.step(action)
+            world.robot.act(action)
+            world.step()
     world.steps = 0
     for side, name in held.items():
         if name not in world.pinched(side):
@@ -77,7 +78,8 @@ def fill(world: SimWorld, filled: Mapping[str, Sequence[str]]) -> None:
             world.place(name, pose((*middle[:2], middle[2] + 0.01 * k)))
             action = world.robot.action
             for _ in range(CONTROL_HZ // 2):
-                world.step(action)
+                world.robot.act(action)
+                world.step()
         world.steps = 0
         if missing := set(names) - set(world.within(vessel)):
             raise BackendError(

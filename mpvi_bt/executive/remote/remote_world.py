@@ -138,13 +138,12 @@ class RemoteWorld(StepClock):
         self._line, self._reading = line, first
         self._told: list[Array] = []
 
-    def step(self, action: Array) -> None:
-        """Hand a command over; once there are as many as are wanted, wait for the next observation.
+    def step(self) -> None:
+        """Hand the robot's command over; once there are as many as are wanted, wait for the next observation.
 
         Raises:
             BadMessage: That is none, or does not follow the last one.
         """
-        self.robot.act(action)
         self.steps += 1
         self._told.append(self.robot.action)
         if len(self._told) < self._reading.steps:

@@ -98,7 +98,7 @@ class EmptyWorld(StepClock):
     def __init__(self) -> None:
         self.robot = AbsentRobot()
 
-    def step(self, action: Array) -> None:
+    def step(self) -> None:
         """Let one control step pass."""
         self.steps += 1
 

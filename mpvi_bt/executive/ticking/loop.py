@@ -19,7 +19,6 @@ from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.state import Ending
 from mpvi_bt.ground.compiled import compiling
 from mpvi_bt.ground.errors import BackendError, ModelError, NodeError, PolicyError
-from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import Robot
 
 
@@ -41,8 +40,8 @@ class World(Protocol):
         """The robot that each step moves."""
         ...
 
-    def step(self, action: Array) -> None:
-        """One control step (1/30 s) of the (23,) command."""
+    def step(self) -> None:
+        """Carry out the robot's command for one control step (1/30 s)."""
         ...
 
     def save(self) -> dict[str, Any]:
@@ -215,7 +214,7 @@ def run_episode(
                 break
             if watched - began - context.stopwatch.seconds["paused"] > wall_limit_s:
                 raise BackendError(f"the episode took more than {wall_limit_s:g} s of wall time")
-            world.step(world.robot.action)
+            world.step()
             stepping += clock() - watched
         _blame_model(outcome, world.time_s)
     except KeyboardInterrupt:

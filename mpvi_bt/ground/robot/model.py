@@ -6,7 +6,7 @@ Hand: z along the fingers (approach), y across them (closing), origin at the fla
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.import_paths import imported
 from mpvi_bt.ground.robot import arms
 from mpvi_bt.ground.robot.arms import Arm
 from mpvi_bt.ground.robot.hand import Hand
@@ -111,7 +112,7 @@ class RobotModel:
 
     Attributes:
         name: As `--robot` has it.
-        urdf: Writes its links and joints as the text of a URDF.
+        urdf_writer: Import path of the function that writes its links and joints as the text of a URDF.
         arms: Its arms; a robot with one has it on the "right".
         trunk: What carries the chest.
         base_joints: Along x, along y, about z.
@@ -144,7 +145,7 @@ class RobotModel:
     """
 
     name: str
-    urdf: Callable[[], str]
+    urdf_writer: str
     arms: Mapping[Side, Arm]
     trunk: Trunk
     base_joints: tuple[str, str, str]
@@ -178,6 +179,11 @@ class RobotModel:
     neighbors: tuple[tuple[str, ...], ...]
     still: tuple[str, ...] = ()
     meets: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def urdf(self) -> str:
+        """Its links and joints as the text of a URDF."""
+        text: str = imported(self.urdf_writer, f"robot {self.name}: urdf_writer")()
+        return text
 
     @property
     def sides(self) -> tuple[Side, ...]:

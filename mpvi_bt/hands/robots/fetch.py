@@ -82,15 +82,9 @@ _HULL = Hull(
 )  # fmt: skip
 
 
-def _urdf() -> str:
-    from mpvi_bt.hands.robots.fetch_urdf import fetch_urdf
-
-    return fetch_urdf()
-
-
 FETCH = RobotModel(
     name="fetch",
-    urdf=_urdf,
+    urdf_writer="mpvi_bt.hands.robots.fetch_urdf:fetch_urdf",
     arms={"right": _ARM},
     trunk=LiftTrunk(LIFT_M, 0.0, np.array([[0.0, 0.38615], [0.0, 0.0], [0.0, 0.0], [-0.76, 1.45]])),
     base_joints=_BASE_JOINTS,

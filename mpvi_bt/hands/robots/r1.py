@@ -133,15 +133,9 @@ HAND = Hand(
 ASIDE_M = np.array([(0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90)])
 
 
-def _urdf() -> str:
-    from mpvi_bt.hands.robots.r1_urdf import r1_urdf
-
-    return r1_urdf()
-
-
 R1 = RobotModel(
     name="r1",
-    urdf=_urdf,
+    urdf_writer="mpvi_bt.hands.robots.r1_urdf:r1_urdf",
     arms={s: SphericalArm(SHOULDER_M * [1, SIGN[s], 1], UPPER_ARM_M, FOREARM_M, TCP_M, ARM_LIMITS[s]) for s in SIGN},
     trunk=LiftTrunk(np.array([0.0, 0.0, WAIST_M]), CHEST_M, TORSO_LIMITS),
     base_joints=BASE_JOINTS,

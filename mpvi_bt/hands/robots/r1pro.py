@@ -172,15 +172,9 @@ HAND = Hand(
 )
 
 
-def _urdf() -> str:
-    from mpvi_bt.hands.robots.r1pro_urdf import r1pro_urdf
-
-    return r1pro_urdf()
-
-
 R1PRO = RobotModel(
     name="r1pro",
-    urdf=_urdf,
+    urdf_writer="mpvi_bt.hands.robots.r1pro_urdf:r1pro_urdf",
     arms={s: _arm(s) for s in SIGN},
     trunk=TRUNK,
     base_joints=_BASE_JOINTS,

@@ -64,8 +64,9 @@ class ManiSkillWorld(SimWorld):
         """
         self._step, self._wrapped = step, True
 
-    def step(self, action: Array) -> None:
+    def step(self) -> None:
         """Have the environment take one step."""
-        short = action.astype(np.float32)
-        self.robot.act(short.astype(float) if self._wrapped else action)
+        short = self.robot.action.astype(np.float32)
+        if self._wrapped:
+            self.robot.act(short.astype(float))
         self._step(short)

@@ -9,7 +9,8 @@ import sapien
 
 from mpvi_bt.ground.geometry.solids import Array, Solid, bounds, pose
 from mpvi_bt.house.sim.builder import Thing, paint, show
-from mpvi_bt.house.states.heat import Heat, Thermal, cooked, frozen
+from mpvi_bt.house.states.heat import cooked, frozen
+from mpvi_bt.house.states.temperature import Heat, Thermal
 from mpvi_bt.house.things.description import Color, Part
 
 # Our choice: brown over the thing's own color, or white; how much of it.

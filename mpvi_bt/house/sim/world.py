@@ -37,12 +37,13 @@ from mpvi_bt.house.sim.tying import Ties
 from mpvi_bt.house.sim.whereabouts import Whereabouts
 from mpvi_bt.house.states.cutting import Blades
 from mpvi_bt.house.states.grains import SUBSTANCE, Cooking
-from mpvi_bt.house.states.heat import Heat, Temperatures, Thermal
+from mpvi_bt.house.states.heat import Temperatures
 from mpvi_bt.house.states.marks import Marking
 from mpvi_bt.house.states.mounts import Mounts
 from mpvi_bt.house.states.recipes import Baking
 from mpvi_bt.house.states.sprayer import Spraying
 from mpvi_bt.house.states.switches import Switches
+from mpvi_bt.house.states.temperature import Heat, Thermal
 from mpvi_bt.house.states.washer import Washing
 from mpvi_bt.house.states.wiping import Wiping
 from mpvi_bt.house.things.catalogue import CatalogueEntry
@@ -156,9 +157,8 @@ class SimWorld(StepClock):
 
     # --- the clock
 
-    def step(self, action: Array) -> None:
-        """Carry out one action (23,): one control step, four of physics."""
-        self.robot.act(action)
+    def step(self) -> None:
+        """Carry out the robot's command: one control step, four of physics."""
         started = time.perf_counter()
         self.robot.apply()
         for _ in range(PHYSICS_HZ // CONTROL_HZ):

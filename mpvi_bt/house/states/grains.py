@@ -13,8 +13,9 @@ import numpy as np
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.rays import distance
 from mpvi_bt.ground.geometry.solids import Solid
-from mpvi_bt.house.states.heat import Thermal, heated
+from mpvi_bt.house.states.heat import heated
 from mpvi_bt.house.states.in_world import Coming, FormLike
+from mpvi_bt.house.states.temperature import Thermal
 from mpvi_bt.house.states.world_state import WorldState
 
 SUBSTANCE = "macroPhysicalSubstance"  # the ability of what is grains: diced food, popcorn

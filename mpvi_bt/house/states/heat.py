@@ -10,7 +10,7 @@ like.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -20,48 +20,17 @@ from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.marked_yaml import Record
 from mpvi_bt.house.states.relations import OPEN_FRACTION, inside
+from mpvi_bt.house.states.temperature import ROOM_C, Heat, Thermal
 from mpvi_bt.house.states.world_state import WorldState, aabb
 
-ROOM_C = 23.0
 DECAY_PER_S = 0.02
-FREEZES_C, HEATED_C, COOKED_C = 0.0, 40.0, 70.0  # of what says nothing else
+COOKED_C = 70.0  # of what says nothing else
 APPLIANCE_PER_S, OPEN_PER_S = 0.1, 0.04  # rates: of what things are shut in; of fire, and where nothing is said
 REACH_M = 0.2  # from what is not shut in, to the nearest point of the box about a thing
 BURNS_C = 1000.0
 _LOOKS_STEPS = 5  # control steps between two looks at what is where: nothing is carried into a fridge and out in 1/6 s
 
 Placing = Literal["inside", "near"]
-
-
-class Thermal(Record):
-    """What heat does to a kind of thing.
-
-    Attributes:
-        cooked_c: It is cooked once it was so hot; None: it cannot be.
-        heated_c: It is hot now.
-        freezes_c: It is frozen now, if it is as cold.
-        ignites_c: It is on fire from then on; None: it does not burn.
-    """
-
-    cooked_c: Annotated[float, Field(ge=30, le=400)] | None = None
-    heated_c: Annotated[float, Field(ge=24, le=200)] = HEATED_C
-    freezes_c: Annotated[float, Field(ge=-100, le=20)] = FREEZES_C
-    ignites_c: Annotated[float, Field(ge=100, le=1000)] | None = None
-
-
-@dataclass(frozen=True)
-class Heat:
-    """A thing's temperature.
-
-    Attributes:
-        now_c: Now.
-        highest_c: That it ever had.
-        on_fire: Whether it burns.
-    """
-
-    now_c: float = ROOM_C
-    highest_c: float = ROOM_C
-    on_fire: bool = False
 
 
 class Source(Record):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
 
 if TYPE_CHECKING:
-    from mpvi_bt.house.states.heat import Heat, Thermal
+    from mpvi_bt.house.states.temperature import Heat, Thermal
 
 
 class WorldState(Protocol):

@@ -18,10 +18,11 @@ from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName, UserError,
 from mpvi_bt.ground.marked_yaml import Location, Record, SourceMarks, Synset, load_marked, validate_data
 from mpvi_bt.house.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.house.states.cutting import Cuttable
-from mpvi_bt.house.states.heat import Source, Thermal
+from mpvi_bt.house.states.heat import Source
 from mpvi_bt.house.states.mounts import Fitting
 from mpvi_bt.house.states.recipes import Recipe
 from mpvi_bt.house.states.sprayer import Sprayer
+from mpvi_bt.house.states.temperature import Thermal
 from mpvi_bt.house.things.description import Description
 from mpvi_bt.house.things.families import FAMILIES, describe, parameters
 

@@ -173,7 +173,8 @@ def _rollout(
             break
         for action in server.actions(writer):
             listener.acted(instance, action)
-            world.step(action)
+            world.robot.act(action)
+            world.step()
             meter.note(world)
             listener.stepped(instance, world.steps, most)
             if world.steps >= most:
