@@ -1,6 +1,6 @@
 """One small file for each construct of BehaviorTree.CPP 4, and the table of what becomes of them.
 
-`python -m tests.btcpp_constructs` prints the table, which docs/btcpp.md holds.
+`python -m tests.btcpp_constructs` prints the table, which docs/btcpp_constructs.md holds.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from mpvi_bt.executive.btcpp.models import PORTS
 from mpvi_bt.ground.errors import FileProblems, Problem
 from tests.btcpp_constructs import CONSTRUCTS, outcome, table, xml_of
 
-PAGE = Path(__file__).parents[1] / "docs" / "btcpp.md"
+PAGE = Path(__file__).parents[1] / "docs" / "btcpp_constructs.md"
 WHOLE = """<root BTCPP_format="4" main_tree_to_execute="t">
 <BehaviorTree ID="t">
 <Sequence name="all">

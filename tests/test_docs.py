@@ -55,6 +55,7 @@ def test_base_speed_is_documented() -> None:
 
 
 TREES = (ROOT / "docs" / "trees.md").read_text(encoding="utf-8")
+OWN_NODES = (ROOT / "docs" / "own_nodes.md").read_text(encoding="utf-8")
 
 
 def test_every_kind_of_node_is_documented() -> None:
@@ -70,20 +71,20 @@ def test_every_kind_of_node_is_documented() -> None:
 
 def test_the_tree_of_the_reference_is_valid(tmp_path: Path) -> None:
     """Its first example is a tree without problems."""
-    example = blocks("yaml")[0]
+    example = blocks("yaml", TREES)[0]
     (tmp_path / "example.yaml").write_text(example)
     load_tree(tmp_path / "example.yaml", load_skills())
 
 
-def blocks(language: str) -> list[str]:
-    """The pieces of that language in the page of trees."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", TREES, flags=re.MULTILINE | re.DOTALL)
+def blocks(language: str, page: str = OWN_NODES) -> list[str]:
+    """The pieces of that language in a page."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
 
 
 def test_the_file_of_nodes_of_the_reference_works(tmp_path: Path) -> None:
     """Its file of nodes, beside its tree, is checked and run."""
     (tmp_path / "my_nodes.py").write_text(blocks("python")[0])
-    (tmp_path / "signal.yaml").write_text(blocks("yaml")[1])
+    (tmp_path / "signal.yaml").write_text(blocks("yaml")[0])
     done = _mpvi(tmp_path, "check", "signal.yaml")
     assert (done.returncode, done.stdout) == (0, "")
     done = _mpvi(tmp_path, "run", "--dry", "--tree", "./signal.yaml")
@@ -107,7 +108,7 @@ def test_the_package_of_the_reference_works(tmp_path: Path, dry: bool) -> None:
     (installed / "entry_points.txt").write_text(points)
     tree = tmp_path / "welcome.yaml"
     for guest, code, words in (("Ada", 0, "stand-in" if dry else "waving at Ada"), ("nobody", int(not dry), "")):
-        tree.write_text(blocks("yaml")[2].replace("Ada", guest))
+        tree.write_text(blocks("yaml")[1].replace("Ada", guest))
         done = _mpvi(tmp_path, "check", "welcome.yaml")
         assert (done.returncode, done.stdout) == (0, "")
         done = _mpvi(tmp_path, "run", "--dry", "--tree", "./welcome.yaml")

@@ -178,7 +178,7 @@ def test_a_broken_demonstration_is_left_out_and_told(folder: Path, tmp_path: Pat
 
 def test_a_folder_without_demonstrations_is_refused(tmp_path: Path):
     """The message says where to read how they are made."""
-    with pytest.raises(UserError, match=r"there are no demonstrations; docs/learned\.md"):
+    with pytest.raises(UserError, match=r"no demonstrations; docs/learned_training\.md"):
         read_frames(tmp_path, "pick")
 
 

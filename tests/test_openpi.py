@@ -217,10 +217,14 @@ def test_a_policy_that_is_dropped_hangs_up() -> None:
 
 def test_the_server_of_the_page_is_one(tmp_path: Path) -> None:
     """What the page tells authors of servers is enough: its server, with its settings, drives a robot."""
-    page = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
-    section = page.partition("## Writing a server")[2].partition("\n## ")[0]
+    docs = Path(__file__).parent.parent / "docs"
+    section = (docs / "serving_policies.md").read_text(encoding="utf-8").partition("## Writing a server")[2]
     (code,) = re.findall(r"^```python\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
-    (settings,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (settings,) = re.findall(
+        r"^```yaml\n(.*?)^```$",
+        (docs / "policy_servers.md").read_text(encoding="utf-8"),
+        re.MULTILINE | re.DOTALL,
+    )
     (tmp_path / "mine.yaml").write_text(settings)
     port = free_port()
     assert "8000" in code

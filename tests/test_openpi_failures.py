@@ -64,7 +64,7 @@ def test_every_reason_is_documented() -> None:
     texts = [path.read_text(encoding="utf-8") for path in (package / "executive" / "remote").glob("*.py")]
     given = {reason for text in texts for reason in re.findall(r'(?:PolicyError|Lost)\(\s*"(\w+)"', text)}
     given |= {"unauthorized", "server_error"}  # chosen by close code
-    page = (package.parent / "docs" / "policies.md").read_text(encoding="utf-8")
+    page = (package.parent / "docs" / "policy_servers.md").read_text(encoding="utf-8")
     table = page.partition("## When a server fails")[2].partition("\n## ")[0]
     assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == given
 

@@ -26,7 +26,7 @@ from tests.numbered_body import numbered_body
 from tests.openpi_env import openpi_python
 
 PRESETS = paths.names("policies")
-PAGE = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parent.parent / "docs" / "policy_servers.md").read_text(encoding="utf-8")
 
 
 def observation(cameras: tuple[str, ...] = CAMERAS) -> dict[str, Any]:

@@ -526,8 +526,8 @@ def _keys(message: Mapping[str, Any], where: str = "") -> set[str]:
 
 def test_what_is_sent_and_answered_is_documented() -> None:
     """The page's tables name every key, metric and error, and no other."""
-    page = (Path(__file__).parent.parent / "docs" / "policies.md").read_text()
-    section = page[page.index("## Serving a policy") : page.index("## Driving a vla-eval server")]
+    page = (Path(__file__).parent.parent / "docs" / "serving_policies.md").read_text()
+    section = page[page.index("## Serving a policy") : page.index("## Writing a server")]
     sent, answered = section.split("### What it answers")
     rows = re.compile(r"^\| `([^`]+)`", re.MULTILINE)
     asked = {**write_observation(observation(), True, {"a": ["b"]}), "rate_hz": 10.0}  # a client of its own rate

@@ -1,6 +1,7 @@
 """The tutorial is what a reader gets: its files are written, its commands run, and they print what stands there.
 
-`python -m tests.test_tutorial` runs it, or the pages that are named, and writes what the commands print into it.
+`python -m tests.test_tutorial` runs it, and writes what the commands print into its two pages; with names, runs those
+pages one by one.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-FILE = ROOT / "docs" / "tutorial.md"
+PAGES = [ROOT / "docs" / name for name in ("tutorial.md", "tutorial_failures.md")]
+SEAM = "\n=== the next page goes on in the same folder ===\n"
 BLOCK = re.compile(
     r"`([\w./]+)`:\n\n```(?:yaml|lisp|python)\n(.*?)^```$|^```console\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL
 )
@@ -48,6 +51,11 @@ def play(text: str, folder: Path) -> str:
     return BLOCK.sub(with_output, text)
 
 
+def whole(pages: Sequence[Path]) -> str:
+    """Pages that are read in turn, as one text."""
+    return SEAM.join(page.read_text(encoding="utf-8") for page in pages)
+
+
 def commands(console: str) -> list[str]:
     """Those of a block."""
     return [line.removeprefix("$ ") for line in console.splitlines() if line.startswith("$ ")]
@@ -56,7 +64,7 @@ def commands(console: str) -> list[str]:
 @pytest.mark.rare
 def test_the_tutorial_is_true_without_a_simulator(tmp_path: Path) -> None:
     """Everything before the house prints what stands there, character by character."""
-    text = FILE.read_text(encoding="utf-8").partition(HOUSE)[0]
+    text = whole(PAGES).partition(HOUSE)[0]
     assert play(text, tmp_path) == text
 
 
@@ -65,11 +73,13 @@ def test_the_tutorial_is_true_without_a_simulator(tmp_path: Path) -> None:
 @pytest.mark.render
 def test_the_tutorial_is_true_in_the_house(tmp_path: Path) -> None:
     """The whole of it, the run in the house too."""
-    text = FILE.read_text(encoding="utf-8")
+    text = whole(PAGES)
     assert play(text, tmp_path) == text
 
 
 if __name__ == "__main__":
-    for page in [Path(given) for given in sys.argv[1:]] or [FILE]:
+    for pages in [[Path(given)] for given in sys.argv[1:]] or [PAGES]:
         with tempfile.TemporaryDirectory() as empty:
-            page.write_text(play(page.read_text(encoding="utf-8"), Path(empty)), encoding="utf-8")
+            played = play(whole(pages), Path(empty)).split(SEAM)
+        for page, text in zip(pages, played, strict=True):
+            page.write_text(text, encoding="utf-8")

@@ -1,1 +1,1 @@
-"""What monitors, interventions and latency do to q: the study of docs/failing.md."""
+"""What monitors, interventions and latency do to q: the study of docs/failing_measured.md."""

@@ -156,7 +156,7 @@ class CodedError(BackendError):
 class PolicyError(CodedError):
     """The backend of a policy failed, not the policy: its server is away, refuses, or answers what no policy may.
 
-    docs/policies.md lists the codes, such as "server_absent".
+    docs/policy_servers.md lists the codes, such as "server_absent".
     """
 
 

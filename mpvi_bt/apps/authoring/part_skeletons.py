@@ -184,7 +184,7 @@ if __name__ == "__main__":
 _PARTS = {"policy": _POLICY, "detector": _DETECTOR, "navigator": _NAVIGATOR, "checker": _CHECKER}
 
 _NODE = '''\
-"""A node of trees in this folder, which name this file under `nodes:` (docs/trees.md).
+"""A node of trees in this folder, which name this file under `nodes:` (docs/own_nodes.md).
 
     mpvi run --dry --tree try_{name}.yaml
 """

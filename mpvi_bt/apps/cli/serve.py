@@ -108,7 +108,7 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
     """Serve POLICY by openpi's protocol until Ctrl-C: a websocket, GET /healthz, GET /metrics.
 
     Each client has a policy of its own. Where OPENPI_API_KEY is set, clients must send that key. What is sent and
-    answered is in docs/policies.md.
+    answered is in docs/serving_policies.md.
 
     The POLICY `mpvi` is the whole executive: a client's observations come in, actions go out, and behind the socket
     the tree is ticked once for each. BEHAVIOR's evaluator, another simulator or a robot's driver can be that client:

@@ -13,7 +13,7 @@ class Alarms:
     """Tells, sample by sample of one handoff, whether there is an alarm.
 
     Two symptoms at one time are seldom chance. One alone is a failure only if it lasts, and if it is of what the robot
-    gets done: arms that are told to shake may get there all the same (docs/failing.md).
+    gets done: arms that are told to shake may get there all the same (docs/failing_measured.md).
 
     Args:
         agree: So many signals past their thresholds at one sample make an alarm.

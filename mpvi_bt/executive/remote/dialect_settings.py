@@ -1,6 +1,6 @@
 """How a remote policy is spoken to, from YAML: names and sizes on the wire, the order and units of numbers, timeouts.
 
-The files are `policies/*.yaml`; docs/policies.md explains every key.
+The files are `policies/*.yaml`; docs/policy_servers.md explains every key.
 """
 
 from __future__ import annotations

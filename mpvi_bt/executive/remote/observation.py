@@ -1,7 +1,7 @@
 """The whole observation of a policy as a message of `mpvi serve`, so that it can serve any of our policies.
 
-It is the observation as policies see it in process, with mappings for its parts (table in docs/policies.md), and what
-such a policy is told besides. Nothing is lost on the way: what is read equals what was written bit by bit.
+It has everything that a policy in process gets, with mappings for its parts (table in docs/serving_policies.md).
+Reading gives back the written values bit by bit.
 """
 
 from __future__ import annotations

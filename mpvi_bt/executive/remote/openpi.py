@@ -90,7 +90,7 @@ class OpenpiPolicy:
 
     Attributes:
         name: "openpi:" and the URL.
-        cameras: Those that the settings map; fewer if the server says which it wants (docs/policies.md).
+        cameras: Those that the settings map; fewer if the server names its own (docs/serving_policies.md).
         note: What the server says that it is doing; one line.
         gave_up: Whether it says that it will do no more about the prompt.
         ended: Whether it says that it thinks the prompt done, or has given up.
@@ -138,7 +138,7 @@ class OpenpiPolicy:
         One that holds still, if a server that came back wants pictures that it had not wanted before.
 
         Raises:
-            PolicyError: For a reason that docs/policies.md lists. The connection is closed; a later call makes a new
+            PolicyError: For a reason in docs/policy_servers.md. The connection is closed; a later call makes a new
                 one.
         """
         if self._held is None:

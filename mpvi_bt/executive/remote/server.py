@@ -42,7 +42,7 @@ class Refused(Exception):
     """An observation that gets no answer.
 
     Attributes:
-        kind: "bad_message": it is not as docs/policies.md says; "policy_failed": the policy raised.
+        kind: "bad_message": it is not as docs/serving_policies.md says; "policy_failed": the policy raised.
         message: What was wrong, or the traceback.
     """
 

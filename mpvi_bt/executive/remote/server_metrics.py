@@ -21,7 +21,7 @@ class Metrics:
         infer_s: Time that the policy took for them, in all [s].
         received_bytes: Of observations.
         sent_bytes: Of answers.
-        errors: By kind, as the error frame begins: see docs/policies.md.
+        errors: By kind, as the error frame begins: see docs/serving_policies.md.
     """
 
     clients: int = 0

@@ -88,7 +88,7 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
         moments.append(now)
         n, m = n + steps, m + len(shown.points)
     if not moments:
-        raise UserError(f"{folder / skill}: there are no demonstrations; docs/learned.md says how to record some.")
+        raise UserError(f"{folder / skill}: no demonstrations; docs/learned_training.md says how to record some.")
     whole = Moments(*(np.concatenate([getattr(now, f.name) for now in moments]) for f in fields(Moments)))
     rest: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
     return TrainingSet(whole, **rest)

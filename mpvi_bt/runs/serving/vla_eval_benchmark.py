@@ -53,7 +53,9 @@ def observation_spec(settings: DialectSettings) -> dict[str, DimSpec]:
     """The observation space; a single named entry for the whole observation."""
     layout = settings.observation
     if layout is None:
-        return {"observation": DimSpec("observation", 0, "mpvi_bt_whole", description="docs/policies.md of mpvi_bt")}
+        return {
+            "observation": DimSpec("observation", 0, "mpvi_bt_whole", description="docs/serving_policies.md of mpvi_bt")
+        }
     spec = {key.rpartition(".")[2]: IMAGE_RGB for key in layout.images}
     return spec | ({"state": RAW} if layout.state else {}) | ({"language": LANGUAGE} if layout.prompt else {})
 
