@@ -1,5 +1,5 @@
 /* Made by `make editor` of scripts/editor/; do not edit.
-sources: 39ac362b1e51fa70807dfdfe33b0985872475d4b50b429e6bbdee4d537f3b512
+sources: ae728ee7fba708434837de5ad59a2f8bb3ffbba2a57e80f1ac18aaddf2271c5c
 code: 15187488c108e859b673c72928ef93d5e6654f818fb6483ccde3d597cd7a33fd
 
 @codemirror/autocomplete 6.20.4, @codemirror/commands 6.11.1, @codemirror/language 6.13.1, @codemirror/lint 6.9.8, @codemirror/search 6.7.2, @codemirror/state 6.7.6, @codemirror/streamparser 6.0.0, @codemirror/view 6.43.15, codemirror 6.0.2:
