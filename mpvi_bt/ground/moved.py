@@ -128,6 +128,7 @@ MODULES: Mapping[str, str] = {  # modules that went elsewhere than their room, o
 }
 
 
+_IMPORTED_WHOLE = ("cli", "maniskill")  # rooms that are imported for themselves
 _WINGS = ("executive", "house")  # names of wings today, and of rooms before
 
 
@@ -157,13 +158,15 @@ class OldNames:
     def exec_module(self, module: ModuleType) -> None:
         """Put the module of the new name in its place. Raises ImportError if there is none."""
         old = module.__name__.removeprefix("mpvi_bt.")
-        if old in ROOMS:
-            module.__getattr__ = lambda name: _of_room(old, name)  # type: ignore[method-assign]
-            return
-        new = new_name(old)
+        new = f"mpvi_bt.{ROOMS[old]}" if old in ROOMS else new_name(old)
         assert new is not None
-        warnings.warn(f"{module.__name__} is now {new}; the old name goes with the next release", FutureWarning, 2)
-        sys.modules[module.__name__] = importlib.import_module(new)
+        if old not in ROOMS or old in _IMPORTED_WHOLE:
+            warnings.warn(f"{module.__name__} is now {new}; the old name goes with the next release", FutureWarning, 2)
+        real = importlib.import_module(new)
+        if old in ROOMS:  # not the package itself: its modules would load a second time, under the old name
+            module.__getattr__ = lambda name: _of_room(old, name)  # type: ignore[method-assign]
+        else:
+            sys.modules[module.__name__] = real
 
 
 def _of_room(old: str, name: str) -> object:
