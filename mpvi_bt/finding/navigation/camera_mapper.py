@@ -97,7 +97,7 @@ class CameraMapper:
         self.discoveries.see(image, body)
 
     def feel(self) -> None:
-        """Notice what the hands hold and let go; what they have taken from the floor stands there no more."""
+        """Update payloads by touch, and clear the floor where a thing was picked up."""
         for lowest, highest in self.discoveries.feel(self._robot.proprioception()):
             if lowest[2] < _ON_FLOOR_M:
                 self.occupancy.clear(lowest, highest)

@@ -155,7 +155,7 @@ class Driver:
         return self._traversability(grid_map, radius_m, boxes, tuple(self.blocks) if blocks else ())
 
     def to(self, goals: Goals, feedback: str, until: Callable[[], bool] = never) -> Iterator[Report]:
-        """Drive to the best of the goals that can be reached, or to the next best where one proves blocked.
+        """Drive to the best reachable goal, or to the next best one if the way proves blocked.
 
         Args:
             goals: Ranked poses; asked for anew with each plan.
@@ -311,7 +311,7 @@ class Driver:
             yield Report(Progress.RUNNING, "", feedback)
 
     def _obstructed(self, follower: PathFollower, steps: int) -> bool:
-        """Whether something that was not there when the path was planned is on what remains of it."""
+        """Whether a new obstacle is on the rest of the path."""
         grid_map = self._map()
         if grid_map is self._checked[0] and steps % round(self.parameters.look_again_s * CONTROL_HZ):
             return False

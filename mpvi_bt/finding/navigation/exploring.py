@@ -94,7 +94,7 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     @property
     def map(self) -> OccupancyMap:
-        """What is driven by."""
+        """The map for driving."""
         return self.mapper.occupancy.map
 
     @property
@@ -109,7 +109,7 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     @property
     def frontier(self) -> NDArray[np.bool_]:
-        """(H, W) cells between what was seen and what was not, as of the last plan."""
+        """(H, W) cells between seen and unseen floor, at the last plan."""
         return self.search.frontier
 
     @property
@@ -165,7 +165,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         raise self._not_found(trip)
 
     def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
-        """Look for the target where it was said to be, then everywhere; no longer than a while where one is known."""
+        """Search at the place named, then everywhere; for a limited time if another such thing is known."""
         feedback = f"looking for {trip.target}"
         passed_over = self._passed_over(trip)
         one = any(entry.held or entry.name in passed_over for entry in self._knowledge().find(trip.target))
@@ -293,7 +293,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         return not any(name in known for name in names)
 
     def _not_found(self, trip: Trip) -> GaveUp:
-        """Why the search was in vain; without a prior map a base that sees nothing is not in anything, for that."""
+        """Reason for a failed search. The base can be stuck in obstacles only if the whole map is known."""
         here, evidence = self._robot.proprioception().base_pose[:2], self._evidence(trip)
         if self.mapper.occupancy.known.all() and stuck(self._driver.grid(), here):
             return GaveUp("start_in_collision", f"the base cannot leave the obstacles that it stands in: {evidence}")
@@ -313,5 +313,5 @@ class ExploringNavigator(KnownPlaceNavigator):
 
 
 def _seen(entries: list[Entry]) -> bool:
-    """Whether what is known of them comes from pictures, so that another picture may tell otherwise."""
+    """Whether these entries come from pictures, so that another picture may correct them."""
     return not entries or any(entry.source not in ("prior", "oracle") for entry in entries)

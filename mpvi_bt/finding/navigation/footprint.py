@@ -41,7 +41,7 @@ class Footprint:
 
     @classmethod
     def carrying(cls, base_m: float, base_pose: Array, entries: Iterable[Entry]) -> Footprint:
-        """Of a robot at `base_pose` (3,) that carries those of `entries` that are held.
+        """Footprint of a robot at `base_pose` (3,) with the payloads among `entries`.
 
         Our choice: a load counts as the circle in its bounding box, plus a margin; corners may pass over what is low.
         """
@@ -58,7 +58,7 @@ class Footprint:
 
     @classmethod
     def of(cls, base_m: float, body: Proprioception, entries: Iterable[Entry]) -> Footprint:
-        """Of a robot as it feels itself, which carries those of `entries` that are held.
+        """Footprint of a robot with this proprioception and the payloads among `entries`.
 
         Its arms take up room, too, where they reach out over the base: they keep what they hold before the body.
         """

@@ -10,7 +10,7 @@ from mpvi_bt.ground.compiled import compiled_later
 
 
 def frontier(free: NDArray[np.bool_], seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The free cells that were seen and share an edge with a free cell that was not.
+    """Seen free cells that share an edge with an unseen free cell.
 
     Our choice: corners do not count; no path that cuts none leads across one without passing an edge.
 

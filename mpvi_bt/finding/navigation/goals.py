@@ -100,7 +100,7 @@ def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: HandoffD
 def object_goals(
     entry: Entry, start: Array, grid: Traversability, handoff: HandoffDistances, most: int = 20
 ) -> list[Goal]:
-    """Poses from which the target can be manipulated, best first, a little apart so that they are alternatives.
+    """Base poses for manipulating the target, best first, and far enough apart to be alternatives.
 
     Each is free for the footprint, reachable from `start` (2,), in the target's room, within the handoff distance,
     faces the target, and has no obstacle between but the furniture that the target is or stands on. Where no such
@@ -178,7 +178,7 @@ def room_goals(room: str, start: Array, grid: Traversability, inset_m: float = 0
 
 
 def _fitting(grid: Traversability, points: Array, yaw: Array, offs_rad: Iterable[float]) -> Array:
-    """(N,) the yaw at points (N, 2) or, where the base does not fit so, the first that it fits with, off it; or nan."""
+    """(N,) yaw at points (N, 2): the first of `yaw` plus each offset with room for the base; nan if there is none."""
     best = np.full(len(points), np.nan)
     for off in offs_rad:
         left = np.flatnonzero(np.isnan(best))
@@ -188,7 +188,7 @@ def _fitting(grid: Traversability, points: Array, yaw: Array, offs_rad: Iterable
 
 
 def _anyhow(grid: Traversability, points: Array, yaw: Array) -> Array:
-    """(N,) likewise, where it matters little; the same yaw where the base does not fit at all."""
+    """(N,) as `_fitting`, for a yaw of little importance; `yaw` itself if there is no room for the base."""
     best = _fitting(grid, points, yaw, _RANK.around_rad)
     return np.where(np.isnan(best), yaw, best)
 

@@ -1,4 +1,4 @@
-"""Ways for a robot that carries something, or is not round: A* over place and heading, that nothing is swung into."""
+"""Paths for a robot with a load, or one that is not round: A* over place and heading, with turns free of collision."""
 
 from __future__ import annotations
 

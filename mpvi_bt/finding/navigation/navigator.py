@@ -1,4 +1,4 @@
-"""Going to a place that is known: the knowledge base says where it is, and the driver gets there."""
+"""Driving to a known place: the knowledge base gives the place, and the driver gets there."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class KnownPlaceNavigator:
 
     @property
     def path(self) -> Array | None:
-        """(N, 2) the way [m] that is being driven; None where the base is not to be anywhere else."""
+        """(N, 2) the path [m] of the current drive; None if the base has no goal."""
         return self._driver.path if self._work is not None else None
 
     def start(self, target: str, room: str | None) -> None:
@@ -151,7 +151,7 @@ class KnownPlaceNavigator:
         yield from self._drive_to(trip, entries, room)
 
     def _remember(self, trip: Trip) -> None:
-        """Keep which of several is nearest now: skills, too, take a phrase for the nearest that it names."""
+        """Remember the nearest of several matches: skills, too, take the nearest match of a phrase."""
         entries = [e for e in self._look_up(trip)[0] if not e.held]
         if not entries:
             return
@@ -208,19 +208,19 @@ class KnownPlaceNavigator:
         return left is not None and float(norm(pose[:2] - left[:2])) < _ELSEWHERE_M
 
     def _put_away(self, entries: list[Entry]) -> list[Entry]:
-        """What is called like objects and put away farther than they are: a skill that only sees cannot know that."""
+        """Objects named like `entries`, but more put away (see `KnowledgeBase.away`). Pictures cannot tell this."""
         known, names = self._knowledge(), {e.name for e in entries}
         said = {normalize(phrase) for e in entries if e.kind == "object" for phrase in e.phrases}
         alike = [o for o in known if o.name not in names and not o.held and said & set(map(normalize, o.phrases))]
         return [o for o in alike if all(known.away(o) > known.away(e) for e in entries)]
 
     def _names(self) -> list[str]:
-        """What targets may be called."""
+        """Possible names of targets."""
         phrases = {normalize(phrase) for entry in self._knowledge() for phrase in entry.phrases}
         return sorted(phrases | {normalize(room) for room in self._map().room_names})
 
     def _look_up(self, trip: Trip) -> tuple[list[Entry], str | None]:
-        """The entries that the target names, the best kind first only, and the map's room that was meant, if any."""
+        """The entries named by the target, only of the best kind, and the map's room, if one is meant."""
         knowledge = self._knowledge()
         hits = knowledge.find(trip.target, trip.room)
         if not hits and trip.room:

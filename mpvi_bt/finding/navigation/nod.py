@@ -50,7 +50,7 @@ def tilt_toward(robot: Robot, p_world: Array) -> float:
 
 
 def lift_over(robot: Robot, height_m: float) -> float:
-    """The lift [m] of the trunk from which the head looks down on what is so high, as far as it goes; never lower."""
+    """Trunk lift [m] for the head to look down on something this high: within the limits, and never lower than now."""
     body = robot.proprioception()
     model = robot_named(body.robot)
     eye_m = float(model.head_camera(body.torso)[2, 3])

@@ -317,7 +317,7 @@ def _wrap(angle: float) -> float:
 
 @compiled_later
 def _ahead(path, to_go, free, at, row, column, lookahead_m):  # type: ignore
-    """Where on a path the base is, which never runs back, and what to aim at.
+    """Progress of the base along a path, never backward, and the point to aim at.
 
     Args:
         path: (N, 2) float64 rows and columns with fractions.

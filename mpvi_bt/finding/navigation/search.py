@@ -42,7 +42,7 @@ class SearchParameters:
 
 
 class TargetSearch:
-    """Explores until it is told that it has found, or nothing that can be reached is left unseen.
+    """Explores until the target is found, or no reachable floor is left unseen.
 
     At each turn the robot first turns toward unseen floor that is visible from where it stands, then drives to the
     nearest reachable frontier between seen and unseen floor (Paper, Navigation appendix). Once all was seen from afar,
@@ -77,7 +77,7 @@ class TargetSearch:
                 return
 
     def coverage(self) -> tuple[float, float]:
-        """Share of the floor that the robot can reach that was seen, and its area [m2]."""
+        """Seen share of the floor within the robot's reach, and the area of that floor [m2]."""
         grid = self._driver.grid().escaping(self._place())
         reach = np.isfinite(cost_to_reach(grid.cost, grid.map.cell(self._place())))
         area = int(reach.sum())
@@ -102,7 +102,7 @@ class TargetSearch:
     # ------------------------------------------------------------------------------------------ where to look
 
     def _turns(self, found: Callable[[], bool], feedback: str, room: str | None) -> Iterator[Report]:
-        """Turn toward what is visible from here and was not seen, most first, until that is little."""
+        """Turn toward unseen floor in view from here, the largest part first, until little is left."""
         for _ in range(self.parameters.headings):
             gain, yaw = self._best_heading(self._place(), self._unseen(room))
             if gain < self._cells(self.parameters.turn_m2):
@@ -119,7 +119,7 @@ class TargetSearch:
                 return  # something low hides it: go and look from elsewhere
 
     def _goal(self, room: str | None) -> Goal | None:
-        """The nearest pose from which something unseen is seen, much before little; None where nothing is left."""
+        """The nearest pose with a view of unseen floor, large gains before small ones; None if nothing is left."""
         levels = [self._cells(gain_m2) for gain_m2 in self.parameters.gains_m2]
         shown = []
         for gain, goal in self._goals(room, levels[-1]):
@@ -197,7 +197,7 @@ class TargetSearch:
     # ------------------------------------------------------------------------------------------ what is known
 
     def _unseen(self, room: str | None) -> Mask:
-        """(H, W) where nothing is known to stand, and which was not seen."""
+        """(H, W) unseen cells without a known obstacle."""
         unseen: Mask = ~self._mapper.solid & ~self._explored()
         if room is not None:
             grid_map = self._mapper.occupancy.map
@@ -205,7 +205,7 @@ class TargetSearch:
         return unseen
 
     def _patches(self, room: str | None) -> Mask:
-        """(H, W) what is unseen, without patches that are too small to matter."""
+        """(H, W) unseen cells, without patches too small to matter."""
         unseen = self._unseen(room)
         patches, _ = ndimage.label(unseen, _EDGES)
         large = np.bincount(patches.ravel()) >= self._cells(self.parameters.gains_m2[-1])

@@ -1,4 +1,4 @@
-"""What of the map the robot's footprint may enter, and at what cost."""
+"""Cells of the map that the robot's footprint may enter, and their costs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ interpolation is up to 1/(8 r) too large, 0.06 for circles that are wider than t
 
 @dataclass(frozen=True)
 class Escape:
-    """Where a base that stands too close to an obstacle may go."""
+    """Limits for driving a base out of a place too close to an obstacle."""
 
     near_m: float = 0.6  # radius around the base in which it may leave [m]; our choice
     out_m: float = 0.15  # distance beyond the nearest place with room, if that is more [m]; our choice
@@ -166,7 +166,7 @@ def turned(circles: Array, poses: Array) -> Array:
 
 
 def about(cells: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The smallest window that has all true cells (H, W): what is free without a prior map is a small part of a map."""
+    """The smallest window around all true cells (H, W): without a prior map only a small part of a map is free."""
     rows, columns = (np.flatnonzero(cells.any(axis)) for axis in (1, 0))
     if not len(rows):
         return slice(0), slice(0)

@@ -1,4 +1,4 @@
-"""Which goal to drive to and on which way; or why there is none."""
+"""Choice of a goal and of the path to it, or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def find_way(
 
 
 def _to_try(goals: list[Goal], footprint: Footprint) -> Iterator[Goal]:
-    """Those of ranked goals to which ways are looked for: all, or few where that takes its time.
+    """Goals for path planning, in their order: all of them, or only a few if planning is slow.
 
     Those of a base that is not round are apart: next to one that it cannot get to there is seldom one that it can.
     """

@@ -1,1 +1,1 @@
-"""Pictures to what is where."""
+"""From pictures to named things and their places."""

@@ -1,4 +1,4 @@
-"""Open-vocabulary detection: where a picture shows what a phrase names, and a guard around whatever says so."""
+"""Open-vocabulary detection: finding things in a picture by phrases, and a guard around any detector."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST_HANGS = 3  # a run may wait so often; one that is late with each picture w
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """One thing that a phrase names, in one picture. It says nothing of which thing that is in another picture.
+    """A thing in one picture, found by a phrase. It has no identity across pictures.
 
     Attributes:
         phrase: As asked for.
@@ -111,7 +111,7 @@ class GuardedDetector:
         return list(found)
 
     def save(self) -> dict[str, Any]:
-        """What the other one keeps from picture to picture, as JSON values."""
+        """State of the inner detector from picture to picture, as JSON values."""
         return dict(getattr(self._detector, "save", dict)())
 
     def restore(self, saved: Mapping[str, Any]) -> None:
@@ -196,5 +196,5 @@ def check_detection(given: Any, image: CameraImage, phrases: Sequence[str], wher
 
 
 def switch_of(phrase: str) -> str:
-    """What the switch of a thing is called."""
+    """Name of a thing's switch."""
     return f"switch of the {normalize(phrase)}"

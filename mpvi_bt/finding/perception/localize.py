@@ -1,4 +1,4 @@
-"""Where in the world what a picture shows is (Paper, Navigation appendix)."""
+"""Places of detections in the world (Paper, Navigation appendix)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RIM_PX, _INNER_PX, _RIM_M = 2, 4, 0.05  # how wide a rim is; what is less is no
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Where a detection is; only of what is visible.
+    """The place of a detection, by its visible part only.
 
     Attributes:
         center: (3,) its middle in the world [m].
@@ -40,7 +40,7 @@ class Located:
 
 
 def locate(detection: Detection, image: CameraImage) -> Located | None:
-    """Where a detection is in the world, or None where its pixels have no depth.
+    """The place of a detection in the world, or None if its pixels have no depth.
 
     By its mask where there is one: the extent of its pixels, without what its rim caught of other things and what lies
     behind an edge in depth. Else the center of the box at the median depth in the box (Paper, Navigation appendix); the
@@ -92,7 +92,7 @@ def pixels(detection: Detection, image: CameraImage) -> NDArray[np.bool_]:
 
 
 def measured(image: CameraImage) -> NDArray[np.bool_]:
-    """(H, W) bool: the pixels that have a depth; not those where it is 0, negative, nan or infinite."""
+    """(H, W) bool: the pixels with a valid depth. 0, negative, nan and infinite depths are not valid."""
     return np.asarray((image.depth > 0) & (image.depth < _FARTHEST_M))
 
 

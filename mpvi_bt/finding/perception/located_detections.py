@@ -65,7 +65,7 @@ class LocatedDetection:
 
 
 def locate_detections(image: CameraImage, found: Sequence[Detection]) -> tuple[list[LocatedDetection], list[Detection]]:
-    """The things that detections show, and the detections whose place cannot be told.
+    """Things with their places, and detections without a known place.
 
     Two detections by one phrase are always two things; detections by different phrases of the same pixels are one.
     The order is the same whatever the order of the detections.

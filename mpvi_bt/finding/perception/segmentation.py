@@ -133,7 +133,7 @@ class SegmentationDetector:
         return None if moved is None else replace(moved, score=score)
 
     def _confused(self, others: Sequence[_Seen], rng: np.random.Generator) -> list[_Seen]:
-        """What a phrase is wrongly seen in: one of what it does not name, or nothing."""
+        """A false detection of a phrase on one of the `others`, or none."""
         confused, which, rank = rng.random(3)
         if confused >= self._errors.confuse or not others:
             return []

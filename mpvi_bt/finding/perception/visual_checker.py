@@ -53,7 +53,7 @@ class Eyesight:
 
 
 class VisualChecker:
-    """Judges from one picture's colors, depth and labels where things are, and what is open (implements `Checker`).
+    """Judges places and open parts from one picture's colors, depth and labels (implements `Checker`).
 
     The label image stands in for an open-vocabulary detector: no pose, contact or other simulator state is read. What
     it does not see or understand is a no, with the reason, as a false yes costs more than a false no (Paper,
@@ -159,7 +159,7 @@ class _SeenPicture:
         return Judgement(False, f"no picture tells whether {name} is {asked.relation}")
 
     def held(self, name: str, asked: Criterion) -> Judgement:
-        """Whether the hand that the camera is on, or one that the head sees, has the thing between its fingers."""
+        """Whether a hand has the thing between its fingers: the wrist camera's, or any in the head's picture."""
         camera = self._image.camera
         if camera == "head":
             if asked.side is not None:
@@ -237,7 +237,7 @@ class _SeenPicture:
         return Judgement(True, f"{name} is seen under {other}")
 
     def _near(self, name: str) -> Judgement:
-        """By how far what is seen of it is from the head, as seen from above; what the robot carries is nowhere."""
+        """Judge by the horizontal distance from the head to the visible part. A carried thing is never near."""
         if self._image.camera != "head":
             return Judgement(False, "only the head camera tells where the robot is")
         held = [other for other in self._phrases if self._seen(other) and self._gripped(other)]
@@ -256,7 +256,7 @@ class _SeenPicture:
         return Judgement(lit is wanted, f"the light of {name} is seen {'green' if lit else 'red'}")
 
     def _open(self, name: str, wanted: bool) -> Judgement:
-        """By whether one looks into it: how far what is seen lies behind the convex outline of all that is seen.
+        """Judge by a view of the inside: how far visible points lie behind the convex outline of all visible points.
 
         Our choice: of an open door, drawer or lid one sees the inside, or what it has left free; a closed one is convex
         but for its handles. A tall door that is ajar by less than a third, seen from the side of its hinge, hides what
@@ -342,7 +342,7 @@ class _SeenPicture:
         return self._gripped(name) or touching > self._sight.covers * outline or self._parted(name)
 
     def _parted(self, name: str) -> bool:
-        """Whether an arm is seen across a thing that a hand can hold: what it hides in the middle may be that hand."""
+        """Whether an arm cuts a thing of payload size in two in the picture. The hidden middle may be the hand."""
         mask, robot = self._mask(name), self._mask(ROBOT)
         if float(np.ptp(self._box(name), axis=0).max()) > self._sight.held_m:
             return False
@@ -363,7 +363,7 @@ class _SeenPicture:
         return all(np.count_nonzero(side) >= _TOUCHING_PX for side in sides)
 
     def _hangs(self, name: str) -> bool:
-        """Whether what is seen right below a thing is well behind it: what hides its foot is before it."""
+        """Whether the pixels right below a thing lie well behind it. A thing in front of its foot is not behind it."""
         mask, depth = self._mask(name), self._image.depth
         rows, columns = np.nonzero(mask)
         last = rows >= np.percentile(rows, 90)

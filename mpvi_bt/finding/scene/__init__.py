@@ -1,1 +1,1 @@
-"""What is known of the world: things, what hands hold, maps. Seen by cameras, or known by truth; one interface."""
+"""Knowledge of the world: things, payloads, maps. Seen by cameras, or known by truth; one interface."""

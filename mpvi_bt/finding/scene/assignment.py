@@ -1,4 +1,4 @@
-"""Which of the things that a picture shows are which of those that are known."""
+"""Assignment of the things in a picture to known things."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NEVER = 1e6  # a price that is never paid; above all others
 
 
 def associated(misfits: Array) -> list[int | None]:
-    """What is known of each thing that is seen: no two are one, and the sum of misfits is least.
+    """Assign seen things to known things, each to another one, with the least sum of misfits.
 
     Args:
         misfits: (n, m) how badly each seen thing fits each known one, 0 to 1; `NEVER`: it is another.

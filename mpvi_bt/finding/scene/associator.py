@@ -90,7 +90,7 @@ class Associator:
                     self._things.put_into(thing, vessel.name)
 
     def loose(self, frame: Frame) -> NDArray[np.bool_]:
-        """(H, W) bool: pixels of the named things that may be moved. Furniture stays where it is."""
+        """(H, W) bool: pixels of the named things, without furniture. Furniture stays where it is."""
         fixed = [m for t in self._things if t.shape.kind == "furniture" for f, m in t.views if f is frame]
         named = np.any([np.zeros(frame.robot.shape, bool), *(s.mask for s in frame.detections)], axis=0)
         return np.asarray(named & ~np.any([np.zeros(frame.robot.shape, bool), *fixed], axis=0))
@@ -171,7 +171,7 @@ class Associator:
             self._update_standing(thing, frame, mask)
 
     def _update_carried(self, thing: SeenThing, frame: Frame, mask: NDArray[np.bool_]) -> None:
-        """Update a thing in a container that a hand holds. Older views show where it was before."""
+        """Update a thing in a held container. Older views show its old place."""
         thing.views = [(frame, mask)]
         shape = fitted(thing.views, thing.shape.support_m)
         if shape is not None and not self._lies_in(shape, str(thing.inside)):
@@ -211,7 +211,7 @@ class Associator:
         return depths is not None and depths[1] > depths[0] + through + DEPTH_NOISE.smoothed_m * depths[0] ** 2
 
     def _merge(self) -> None:
-        """Merge things that turn out to be one. The thing that the head has seen more often stays."""
+        """Merge entries of the same thing. The entry seen more often by the head stays."""
         still = [t for t in self._things if not self._things.is_carried(t)]
         known = sorted(still, key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
         for k, thing in enumerate(known):

@@ -1,4 +1,4 @@
-"""How sure it is that a thing is where it was seen: Bayes' rule with a detector's rates."""
+"""Probability of a thing at its seen place: Bayes' rule with a detector's rates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the hands hold of a knowledge base, told by touch: it moves with them, and is put where they let go of it."""
+"""Payloads in a knowledge base, by touch: they move with the hands, and stay at the place of release."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ class Carrying:
         return let_go, taken
 
     def move(self, body: Proprioception) -> None:
-        """Bring what is held to where the hands are now."""
+        """Move the payloads along with the hands."""
         self._hands.be(body)
         for entry in self._knowledge:
             if entry.held and (box := self._hands.carried(entry.name)) is not None:
                 entry.lowest, entry.highest = box.corners
 
     def adopt(self, entries: Iterable[Entry]) -> None:
-        """Let hands that hold something unknown hold what was just found in them; what they left was laid down."""
+        """Look for unknown payloads among new things, and mark new things at a place of release as laid down."""
         found = list(entries)
         for hand in [hand for hand, grip in self._hands.grips.items() if grip.name is None]:
             self._take(hand, found)
@@ -77,7 +77,7 @@ class Carrying:
                 entry.laid = True
 
     def sort(self) -> None:
-        """Tell anew what is in what: in the smallest movable thing in whose box its middle is; but for what is held."""
+        """Find the container of each thing that is not held: the smallest movable thing around its middle."""
         things = [entry for entry in self._knowledge if entry.kind == "object"]
         if not things:
             return
@@ -126,7 +126,7 @@ class Carrying:
         self._hands.load(hand, entry.name, BoxAbout(np.stack([entry.lowest, entry.highest])))
 
     def _release(self, hand: Hand, body: Proprioception) -> list[str]:
-        """A hand has let go, or lost what it held. Returns the names of what is held no more."""
+        """Mark a hand as empty after it let go or lost its payload. Returns the names of things no longer held."""
         self.move(body)
         left = self._hands.tcps(hand)[:, :3, 3].mean(0)
         grip = self._hands.release(hand)

@@ -1,4 +1,4 @@
-"""What is seen in a vessel and belongs to nothing that is known: it comes along when the vessel is taken up."""
+"""Unknown contents of a vessel: they move along with the vessel."""
 
 from __future__ import annotations
 

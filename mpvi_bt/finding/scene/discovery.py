@@ -36,7 +36,7 @@ from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 
 @dataclass(frozen=True)
 class Association:
-    """Which detection may be of which known thing, and how it changes that thing.
+    """Parameters for matching detections to known things, and for updating their boxes.
 
     Our choice: depth, joints and odometry of a good robot are off by a third of the gate.
     """
@@ -212,7 +212,7 @@ class Discoveries:
         entry.room = next((r.name for r in rooms if ((at >= r.lowest[:2]) & (at <= r.highest[:2])).all()), None)
 
     def _absorb(self, entries: Sequence[Entry]) -> None:
-        """Forget what turns out to be a part of a thing, now that more of the thing was seen."""
+        """Forget an entry if it turns out to be a part of a thing, now seen more completely."""
         names = {entry.name for entry in entries}
         for whole in entries:
             for part in [e for e in self.knowledge if e.source != "prior" and e.name not in names and not e.held]:
@@ -225,7 +225,7 @@ class Discoveries:
         self._looks.pop(entry.name, None)
 
     def _doubt(self, image: CameraImage, seen: set[str], unplaced: Sequence[Detection]) -> None:
-        """Believe less in what the picture should show and does not, and forget what is believed too little.
+        """Lower the belief in things missing from the picture, and forget things with too little belief.
 
         What is hidden is not doubted: neither what another thing is before, nor what is behind a closed door. Nor is
         what was detected where the depth image tells no place.
@@ -290,7 +290,7 @@ def _alike(phrases: tuple[str, ...], others: Iterable[str]) -> bool:
 
 
 def _smaller(a: Array, b: Array) -> bool:
-    """Whether a box (2, 3) is so much smaller than another one that it may be that of a part."""
+    """Whether box `a` (2, 3) is so much smaller than box `b` that it may be the box of a part."""
     return bool(norm(a[1] - a[0]) < _FIT.smaller * norm(b[1] - b[0]))
 
 

@@ -191,7 +191,7 @@ def _carve(doubt, depth, own, T, camera, cell, surface, noise, thick):  # type: 
 
 
 def _score(score, depth, T, camera, cell, range_m, sure):  # type: ignore
-    """Count, up to `sure`, pictures that show a surface at a cell, less those that show it free; see `remembered`."""
+    """Count pictures with a surface at each cell, less those with free space there, up to `sure`; see `remembered`."""
     height, width = depth.shape
     for i in range(score.shape[0]):
         for j in range(score.shape[1]):

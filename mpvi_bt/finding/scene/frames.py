@@ -194,7 +194,7 @@ def take(
 
 
 def _without_background(mask: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:
-    """(H, W) bool: a mask without what its edge has caught of what is behind the thing, next to it a wall, mostly."""
+    """(H, W) bool: a mask without background pixels at its edge, mostly those of a wall."""
     rows, columns = np.nonzero(mask)
     if not len(rows):
         return mask

@@ -53,7 +53,7 @@ class FreeSpace:
         self, things: ThingStore, pictures: Pictures, parts: SeenParts, remembered: Remembered,
         standing: Standing | None,
     ) -> None:  # fmt: skip
-        """`standing` tells what stands where none of the `pictures` looks; None: nobody knows."""
+        """`standing` tells of obstacles outside the `pictures`; None: nobody knows them."""
         self._things, self._pictures, self._parts = things, pictures, parts
         self._remembered, self._standing = remembered, standing
         self._trusting, self._remembering = False, True
@@ -86,7 +86,7 @@ class FreeSpace:
         return Together([self._field[1], Surroundings(self._unseen(without))])
 
     def _look_closely(self, xy: Array, without: Collection[str], beside: str | None) -> None:
-        """Focus on the smallest thing that is worked on, or on the foot of furniture that something is put beside."""
+        """Focus on the smallest known thing of `without`, or on the foot of the furniture `beside`."""
         names = [n for n in sorted(without) if n in self._things and n not in self._things.hands.names()]
         if names:  # a thing, not what it lies on
             boxes = [self._things.shape(n).box() for n in names]
@@ -130,7 +130,7 @@ class FreeSpace:
         return thing.name in furniture or bool(thing.shape.volumes) or not shown
 
     def _around(self, told: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """`Remembered.around`, less what things that are `told` of better explain where they stand, not in a hand."""
+        """As `Remembered.around`, without surfaces explained by the things `told`; payloads explain none."""
         stays, shown = self._remembered.around(*ranges)
         if self._standing is not None:
             stays |= self._standing(*ranges)

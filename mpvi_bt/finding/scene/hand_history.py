@@ -1,4 +1,4 @@
-"""History of the hands across prompts: what they hold, and where they put things."""
+"""History of the hands across prompts: their payloads, and the places of things put down."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PLACES = PlaceParameters()
 
 @dataclass(eq=False)
 class HandHistory:
-    """Kept from prompt to prompt, where things that are only seen are numbered anew. Places are in the world [m].
+    """Memory across prompts. Things known only from pictures get new numbers each time. Places are in the world [m].
 
     Attributes:
         taken: What each hand took under an earlier prompt and holds still: as it is called, and its shape in the frame
@@ -45,7 +45,7 @@ class HandHistory:
         self.laden.pop(hand, None)
 
     def pass_on(self, giver: Hand, taker: Hand) -> None:
-        """What a hand held is held by another one now, with what was put into it."""
+        """Pass a payload on from one hand to another, with its contents."""
         if giver in self.laden:
             self.laden[taker] = self.laden.pop(giver)
 
@@ -57,7 +57,7 @@ class HandHistory:
             self._filled = [(what, at) for what, at in self._filled if not _there(at, middle[:2])]
 
     def take_up(self, phrase: str, middle: Array) -> None:
-        """What had its middle (3,) there lies there no more."""
+        """Forget the thing laid down with its middle (3,) there: it was taken up."""
         self._laid = [laid for laid in self._laid if laid[0] != phrase or not _there(laid[1].mean(0), middle)]
 
     def put_down(self, hand: Hand, phrase: str, box: Array, dropped: bool) -> None:
@@ -73,7 +73,7 @@ class HandHistory:
         self._filled.append((phrase, middle[:2]))
 
     def is_laid(self, phrase: str, middle: Array) -> bool:
-        """Whether what is called so and has its middle (3,) there was put there."""
+        """Whether a thing with this name and its middle (3,) there was put there."""
         return any(called == phrase and _there(box.mean(0), middle) for called, box in self._laid)
 
     def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
@@ -85,7 +85,7 @@ class HandHistory:
         return out
 
     def put_into(self, middle: Array) -> list[str]:
-        """What was put into the vessel that has its middle (3,) there."""
+        """Things put into the vessel with its middle (3,) there."""
         return [what for what, at in self._filled if _there(at, middle[:2])]
 
 

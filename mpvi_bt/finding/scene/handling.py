@@ -1,4 +1,4 @@
-"""What the hands do to things: which thing they take, what it looks like in the hand, and where they leave it."""
+"""Identity and shape of payloads, and the places of things after release."""
 
 from __future__ import annotations
 
@@ -269,7 +269,7 @@ class InHand:
 
 
 def _slant(points: Array) -> Array:
-    """The rotation (3, 3) that tilts what is upright to how long points (n, 3) hang; none where they are not long."""
+    """Rotation (3, 3) from upright to the direction of long hanging points (n, 3); none if they are not long."""
     spread, axes = principal_axes(main_cluster(points))
     along = axes[0] * np.sign(axes[0, 2])
     turn = np.cross([0.0, 0.0, 1.0], along)

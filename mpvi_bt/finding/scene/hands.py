@@ -154,11 +154,11 @@ class HandTracker(Generic[Body]):
         self.grips[hand].loads[name] = Carried(body, kin.inverse(self.tcps(hand)[0]))
 
     def release(self, hand: Hand) -> Grip[Body]:
-        """A hand holds nothing any more. Returns what it held, as that was when it was taken."""
+        """Mark a hand as empty. Returns its last grip, with the payload as it was when taken."""
         return self.grips.pop(hand)
 
     def held(self, hand: Hand) -> str | None:
-        """The thing that a hand holds; None also of one that nobody knows."""
+        """The payload of a hand; None if there is none, or if nobody knows it."""
         return self.grips[hand].name if hand in self.grips else None
 
     def names(self) -> set[str]:
@@ -166,7 +166,7 @@ class HandTracker(Generic[Body]):
         return {grip.name for grip in self.grips.values() if grip.name is not None}
 
     def holder(self, name: str) -> Hand | None:
-        """The hand that holds a thing; of two the one that took it first."""
+        """The hand that holds a thing; if both hold it, the earlier one."""
         return next((hand for hand, grip in self.grips.items() if grip.name == name), None)
 
     def carried(self, name: str) -> Body | None:

@@ -1,4 +1,4 @@
-"""Where the base may go, as far as is known: a prior map and what depth adds to it, or what depth shows alone."""
+"""Map of the floor for the base: a prior map updated with depth, or a map from depth alone."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NEAR_M = 1.5  # floor between the robot and the picture's lower edge is taken f
 
 
 class Occupancy:
-    """What is known of where the base may go.
+    """Known free and occupied floor for the base.
 
     Points of depth between 6 cm and 1.6 m above the floor are obstacles. A cell that has two of them becomes occupied,
     and is free again once a picture sees through where they were. What is fixed of a prior map stays; points within
@@ -101,7 +101,7 @@ class Occupancy:
         self.map = replace(self.map, occupied=self._fixed | (self._hits >= _HITS) | ~self.known)
 
     def update(self, image: CameraImage, ignore: Sequence[tuple[float, float, float]] = ()) -> bool:
-        """Add what a picture shows, and take away what it sees through.
+        """Add the obstacles in a picture, and remove those it sees through.
 
         Args:
             image: Upright, of the head. Pixels whose depth is nan, infinite or not above 0 tell nothing.
@@ -158,7 +158,7 @@ class Occupancy:
         return np.asarray(np.where(inside, tops, -np.inf)[:, :, None] >= z)
 
     def clear(self, lowest: Array, highest: Array) -> None:
-        """Forget what depth showed where a thing stood that was taken away: in the hands it may hide that it is gone.
+        """Clear depth obstacles at a thing's old place. In the hand, the thing may hide that place from the camera.
 
         Args:
             lowest, highest: (3,) corners [m] of its box in the world; what is within 10 cm goes, too.
@@ -177,7 +177,7 @@ class Occupancy:
     def _own_place(
         self, floor: NDArray[np.bool_], circles: Sequence[tuple[float, float, float]], low: NDArray[np.int64]
     ) -> None:
-        """Mark the cells of `floor`, which begins at the cell `low`, whose centers are in circles."""
+        """Mark the cells of `floor` with their centers in circles. `low` is the first cell of `floor`."""
         rows, columns = np.ogrid[: floor.shape[0], : floor.shape[1]]
         for x, y, radius in circles:
             c, r = (np.array([x, y]) - self.map.origin_m) / self.map.resolution_m - low[::-1] - 0.5

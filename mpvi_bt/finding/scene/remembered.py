@@ -1,4 +1,4 @@
-"""What stands around, remembered from one instruction to the next: walls beside, and what the arm before it hides."""
+"""Surroundings remembered across instructions: walls beside the robot, and things hidden by its arm."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _GRID = Grid()
 
 
 class Remembered:
-    """Where surfaces of furniture and of what no name was asked for were seen, on a grid that goes with the robot.
+    """Grid of surfaces seen earlier: furniture, and things not asked for by name. The grid moves with the robot.
 
     Our choice: it serves where pictures from the present place have nothing to tell. A base that is led along a wall
     which is out of view by now would run into it, and an arm that carries something hides from the head the very edge
@@ -53,7 +53,7 @@ class Remembered:
         self._low = np.full(2, np.nan)
 
     def see(self, image: CameraImage, fixed: NDArray[np.bool_]) -> None:
-        """Take in a picture; `fixed` (H, W) is where it shows what is to be remembered, and not the robot, say."""
+        """Add a picture. `fixed` (H, W) marks the pixels to remember, for example none of the robot."""
         self._come_along(image.T_world_camera[:2, 3])
         depth = np.where(fixed, image.depth, -image.depth).astype(np.float32)
         begin = np.floor((image.T_world_camera[:2, 3] - _GRID.range_m - self._low) / _GRID.cell_m).astype(int)

@@ -1,4 +1,4 @@
-"""What a scripted skill knows of the world. The simulator knows it by truth, a robot by what its cameras have shown."""
+"""World knowledge of a scripted skill: the truth in the simulator, or the camera pictures of a robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Scene(Protocol):
     pose_error_m: float
 
     def knowledge(self) -> KnowledgeBase:
-        """What there is and what it is called, what is carried or put away told apart."""
+        """Known things and their names; things carried or put away are marked."""
         ...
 
     def pose(self, name: str) -> Array:
@@ -41,7 +41,7 @@ class Scene(Protocol):
         ...
 
     def body(self, name: str) -> Sequence[Solid]:
-        """All of it from where it stands to its top, as far as it is known: what is set down beside it keeps off."""
+        """The whole known thing, from its foot to its top. Things set down beside it keep clear of it."""
         ...
 
     def volumes(self, name: str) -> Sequence[Solid]:
@@ -65,7 +65,7 @@ class Scene(Protocol):
         ...
 
     def is_on(self, name: str) -> bool | None:
-        """Whether a thing that has a switch is turned on; None if that cannot be told."""
+        """Whether a thing with a switch is turned on; None if unknown."""
         ...
 
     def holding(self, side: Side) -> str | None:
@@ -81,7 +81,7 @@ class Scene(Protocol):
         ...
 
     def laden(self, name: str) -> bool:
-        """Whether something lies in what a hand holds, that falls out if it is tipped."""
+        """Whether a payload contains something loose: it would fall out of a tipped payload."""
         ...
 
     def obstacles(
@@ -106,11 +106,11 @@ class Scene(Protocol):
         ...
 
     def others(self, name: str) -> Sequence[str]:
-        """What is seen in a vessel besides the things that were asked for, as names whose `solids` the scene knows."""
+        """Names of further contents of a vessel, not asked for by any phrase. `solids` accepts these names."""
         ...
 
     def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
-        """While this lasts, obstacles are only what is seen from here, not what may be hidden behind it.
+        """While this lasts, only surfaces seen from here are obstacles, and the hidden space behind them is free.
 
         With `remembering` surfaces that were seen from the last places count, too.
         """

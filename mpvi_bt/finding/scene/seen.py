@@ -37,7 +37,7 @@ class Seen:
     pose_error_m = 0.06  # our choice: fits are off by some centimeters, and odometry after a drive by as much again
 
     def __init__(self, detector: Detector, standing: Standing | None = None) -> None:
-        """See through `detector`; `standing` tells what stands where no picture that was taken in here looks."""
+        """See through `detector`; `standing` tells of obstacles outside the pictures given to `see`."""
         self._detector, self._standing = detector, standing
         self._hands, self._remembered, self.history = HandTracker[Shape](), Remembered(), HandHistory()
         self._begin(())
@@ -65,7 +65,7 @@ class Seen:
         self.recognized = self._handling.recognized
 
     def feel(self, felt: Proprioception) -> None:
-        """Take in one step of proprioception: the base that moves, the hands that take and let go."""
+        """Take in one step of proprioception: motion of the base, grasps and releases."""
         self._pictures.feel(felt)
         self._handling.feel(felt)
 
@@ -109,5 +109,5 @@ class Seen:
         return self._hands.held("both")
 
     def laden(self, name: str) -> bool:
-        """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
+        """As `Scene` says: by known contents, or by contents put in under an earlier prompt."""
         return bool(self.within(name)) or any(self._hands.held(hand) == name for hand in self.history.laden)

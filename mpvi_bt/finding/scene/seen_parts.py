@@ -99,7 +99,7 @@ class SeenParts:
     # ------------------------------------------------------------------------------------------ what is in it
 
     def volumes(self, name: str) -> Sequence[Solid]:
-        """Container volumes. A drawer that is drawn out is known by its face, which hides what is behind it."""
+        """Container volumes. That of an open drawer follows from its face, as the face hides the inside."""
         own = self._things.shape(name).volumes
         if self._things[name].shape.kind != "furniture":
             return own
@@ -196,14 +196,14 @@ class SeenParts:
 
 
 def _opening(points: Array, eye: Array, small: bool) -> list[Door]:
-    """What opens of a thing that shows points (n, 3): the lid of a small one, or else its doors and drawers."""
+    """Opening parts of a thing with points (n, 3): the lid of a small thing, or else doors and drawers."""
     if small and (on_top := lid(points, eye)) is not None:
         return [on_top]
     return with_leaf(fronts(points, eye), leaf(points, eye))
 
 
 def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:
-    """Whether one of the doors that are seen now is that door, and no smaller part of it."""
+    """Whether a door is seen again now, and not only a smaller part of it."""
     return any(
         norm((door.origin - other.origin)[:2]) < _PART.hinge_m
         and (other.solids[0].half_m > _PART.most * door.solids[0].half_m).sum() >= 2

@@ -1,4 +1,4 @@
-"""What several views of one thing agree on.
+"""One shape from several views of a thing.
 
 Shapes are fitted to the points of pictures from one standing place: between two places lies a drive, and odometry that
 drifts on the way would smear them. Older views help only where something now hides a part.
@@ -38,7 +38,7 @@ View = tuple[Frame, NDArray[np.bool_]]  # a picture, and the mask of the thing i
 
 
 def fitted(views: Sequence[View], support_m: float) -> Shape | None:
-    """The shape of one thing that views of it agree on; what a wrist sees, from near, counts for where it is.
+    """Fit one shape to several views of a thing. A near view by a wrist camera corrects the position.
 
     Args:
         views: Not empty, the newest last.

@@ -1,4 +1,4 @@
-"""Which floor the camera has seen: rays over its field of view, stopped by walls, furniture and what depth shows."""
+"""Floor seen by the camera: rays over its field of view, stopped by walls, furniture and depth readings."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _heading(T_world_camera: Array) -> float:
 
 @lru_cache(maxsize=1)  # two maps take in each picture
 def _field_of_view(image: CameraImage) -> tuple[float, float]:
-    """Where a camera heads [rad], and how far to each side of that its picture reaches on the floor."""
+    """A camera's heading [rad], and the angle [rad] to each side of it covered by the picture on the floor."""
     height, width = image.depth.shape
     (fx, _, cx), (_, fy, cy), _ = image.K
     corners = np.array([[(u - cx) / fx, (v - cy) / fy, 1.0] for u in (0, width) for v in (0, height)])

@@ -66,7 +66,7 @@ def lid(points: Array, eye: Array) -> Door | None:
 
 
 def raised(points: Array, eye: Array) -> Door | None:
-    """As `lid`, of one that stands open, from thinned points that hang together."""
+    """As `lid`, for an open lid, from thinned points of one cluster."""
     if len(points) < FEWEST:
         return None
     if len(points) > _LID.sampled:
@@ -75,7 +75,7 @@ def raised(points: Array, eye: Array) -> Door | None:
 
 
 def without_lid(points: Array, door: Door) -> Array:
-    """Those of a thing's points (n, 3) that are neither on its lid, which stands open, nor on the bar of that."""
+    """Points (n, 3) of a thing, without those on its open lid and on the bar of the lid."""
     return points[Surroundings(door.solids).distance(points) > _LID.own_m]
 
 
@@ -146,7 +146,7 @@ def _lying(points: Array) -> Iterator[tuple[Door, float]]:
 
 
 def _edge(face: Array, near: Array) -> tuple[float, Array | None]:
-    """Where a lid ends along the first axis, and the length and the middle (4,) of its bar before that, if one is seen.
+    """End of a lid along the first axis, and length and middle (4,) of the bar before the end, if one is seen.
 
     Args:
         face: (n, 3) points of the lid, along it from the hinge, across and out of it [m].

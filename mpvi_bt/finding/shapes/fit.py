@@ -60,7 +60,7 @@ _FIT = FitParameters()
 
 
 def fit(points: Array, around: Array, eye: Array, support: float | None = None) -> Shape | None:
-    """What a thing is, from its visible points.
+    """The shape of a thing, from its visible points.
 
     Args:
         points: (n, 3) of its mask, in the world.
@@ -89,7 +89,7 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
 
 
 def _small(points: Array, around: Array, eye: Array, support: float, large: bool) -> Shape | None:
-    """As `fit`, without a lid, on the height that it stands on [m]; what is `large` is furniture if not hollow."""
+    """As `fit`, without a lid, on a support at this height [m]. A `large` thing is furniture if it is not hollow."""
     top = float(np.percentile(points[:, 2], 99))
     support = min(support, top - 0.004)
     height = top - support
@@ -220,7 +220,7 @@ def _seen_through(column: Shape, around: Array, eye: Array) -> bool:
 
 
 def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
-    """Something hollow that is open above: walls around an opening through which its inside is seen."""
+    """A hollow shape that is open above: walls around an opening with a view of the inside."""
     rim, bar = _rim(points, seen, support, top)
     if seen.sides[1] < 0.045 or rim - support < 0.025:
         return None

@@ -44,7 +44,7 @@ def outline(solids: Sequence[Solid]) -> Array:
 
 
 def disc(solids: Sequence[Solid]) -> tuple[Array, float]:
-    """Middle (2,) and radius [m] of a disc that covers what solids cover."""
+    """Middle (2,) and radius [m] of a disc over the solids, seen from above."""
     xy = points(solids)[:, :2]
     middle = (xy.min(0) + xy.max(0)) / 2
     return middle, float(norm(xy - middle, axis=1).max()) * float(np.cos(np.pi / 12))

@@ -352,7 +352,7 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
 
 
 def _behind(local: Array, free: Array, out: Array) -> float:
-    """Share of points, seen from the hinge, that are behind a door that lies along `free` and faces `out`."""
+    """Share of points, relative to the hinge, behind a door along `free` with its face toward `out`."""
     return float(((matmul(local, out) < 0.05) & (matmul(local, free) > -0.05)).mean())
 
 

@@ -114,7 +114,7 @@ def _strewn(face: Array, around: Outline) -> bool:
 
 
 def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None:
-    """An opening in the middle of a board through which what is below is seen, such as that of a basin in a counter.
+    """Find an opening in the middle of a board, such as for a basin in a counter, by points seen through it.
 
     Args:
         board: The board.
@@ -149,7 +149,7 @@ def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None
 
 
 def _cut_out(board: Solid, hole: Array, bottom: float) -> tuple[list[Solid], Solid]:
-    """What is left of a board around an opening, and the volume below that down to a height [m]."""
+    """The rest of a board around an opening, and the volume below the opening down to a height [m]."""
     (x0, y0), (x1, y1) = hole
     a, b, thick = board.half_m
     parts = [(-a, x0, -b, b), (x1, a, -b, b), (x0, x1, -b, y0), (x0, x1, y1, b)]

@@ -1,4 +1,4 @@
-"""Whether what is seen now of a thing is but a part of what was known of it."""
+"""Whether a new view shows only a part of a known thing."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _room(shape: Shape) -> float:
 
 
 def as_outside(shape: Shape, vessel: Shape) -> bool:
-    """Whether a shape may be the outside of a vessel that stands where it stood: nothing hollow, and no larger."""
+    """Whether a shape may be the outside of a known vessel at the same place: not hollow, and no larger."""
     low, high = vessel.box()
     now = shape.box()
     return not shape.volumes and bool((now[0] > low - _PART.same_m).all() and (now[1] < high + _PART.same_m).all())

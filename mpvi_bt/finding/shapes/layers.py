@@ -66,7 +66,7 @@ def layers(points: Array, lowest_m: float = np.inf) -> list[Solid]:
 
 
 def _around(xy: Array) -> Outline:
-    """A rectangle about points (n, 2), along the axes where it is hardly larger so: what is round has no heading."""
+    """A rectangle about points (n, 2), along the axes if it is hardly larger then: a round thing has no heading."""
     low, high = xy.min(0), xy.max(0)
     smallest = outline(xy)
     if np.prod(smallest.sides) < _LAYER.smaller * np.prod(high - low):

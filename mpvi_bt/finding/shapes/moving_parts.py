@@ -81,7 +81,7 @@ class Door:
 
 
 def moved(door: Door, by: float) -> Array:
-    """(4, 4) that takes what moves with a door from where it is to where it is when opened further by [rad or m]."""
+    """(4, 4) motion of a door's moving parts as the door opens further, by `by` [rad or m]."""
     if door.kind == "slide":
         return kin.transform(np.eye(3), door.axis * by)
     R = turned(door.axis, by)
@@ -121,7 +121,7 @@ def outward(door: Door) -> Array:
 
 
 def to_and_behind(door: Door) -> Solid:
-    """The box, in the world, that a closed door's panel may pass through as it opens, and that one sees into then."""
+    """Box, in the world, around the path of a closed door's panel and around the space behind the panel."""
     face = panel(door)
     arm = face.T[:3, 3] - door.origin
     if door.kind == "slide":

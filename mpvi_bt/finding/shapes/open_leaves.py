@@ -1,4 +1,4 @@
-"""What stands open, told from the body that it belongs to: no bar needs to be seen.
+"""Open doors, flaps and drawers, found by the body behind them: no bar needs to be seen.
 
 A body is what fills its width and height behind a front plane; what reaches out before that plane hangs on it by one
 edge. A sheet that is thin from side to side is a door on an upright hinge, one that is thin in height a flap, and what
@@ -70,7 +70,7 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class OpenLeaf:
-    """What stands open of a thing.
+    """An open door, flap or drawer of a thing.
 
     Attributes:
         door: It; without a bar.
@@ -84,7 +84,7 @@ class OpenLeaf:
 
 
 def leaf(points: Array, eye: Array) -> OpenLeaf | None:
-    """What stands open of a thing.
+    """Find the open door, flap or drawer of a thing.
 
     Args:
         points: (n, 3) of the thing, in the world [m].
@@ -109,7 +109,7 @@ def leaf(points: Array, eye: Array) -> OpenLeaf | None:
 
 
 def with_leaf(fronts: Sequence[Door], found: OpenLeaf | None) -> list[Door]:
-    """Fronts that were told by their bars, with what stands open, which tells more: the others there are closed.
+    """Merge the fronts found by their bars with an open door or drawer; the other fronts there count as closed.
 
     Closed fronts that lie elsewhere than where it hangs speak against it.
     """
@@ -131,7 +131,7 @@ def with_leaf(fronts: Sequence[Door], found: OpenLeaf | None) -> list[Door]:
 
 
 def within_drawer(door: Door) -> Solid | None:
-    """The room inside a drawer that stands open, in the world: behind its face, as high as that; None where none is."""
+    """The volume inside an open drawer, in the world: behind its face and as high. None if no drawer is open."""
     if door.kind != "slide" or door.position < _LEAF.reach_m:
         return None
     across = np.cross(_Z, door.axis)
@@ -182,7 +182,7 @@ def _steep(points: Array) -> NDArray[np.bool_]:
 def _explained(
     points: Array, steep: NDArray[np.bool_], eye: Array, out: Array, most: float
 ) -> tuple[float, OpenLeaf | None]:
-    """How many points a body whose front faces `out`, with what hangs on it, explains, and that; 0 if surely no more.
+    """Points explained by a body facing `out` with its open part (0 if surely not more than `most`), and that part.
 
     Args:
         points: (n, 3).
@@ -293,7 +293,7 @@ def _thickness(ahead: Array, axis: int) -> float:
 
 
 def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float] | None:
-    """A sheet that turns about an edge at the front; `k` is the axis in which it is thin. In (s, u, z)."""
+    """A sheet on a hinge at the front; `k` is its thin axis. In (s, u, z)."""
     rng = np.random.default_rng(0)
     flat = ahead[:, [0, k]]
     best, normal, at = 0, np.zeros(2), 0.0

@@ -1,4 +1,4 @@
-"""Points of one thing: what hangs together, what it stands on, and the outline that it has from above."""
+"""Points of one thing: the main cluster, the height of the support, and the outline from above."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ THIN_M = 0.004  # our choice, a pixel at 1 to 2 m: of points that lie that near 
 
 
 def main_cluster(points: Array) -> Array:
-    """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background.
+    """The largest cluster of points (n, 3), without background points caught by a mask.
 
     A large part right below or above it belongs to it: a power drill, seen from in front, hides its own grip, but not
     its foot. Of furniture that is seen in several parts, such as a door that stands open and, past an arm, the inside

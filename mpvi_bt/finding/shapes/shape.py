@@ -1,4 +1,4 @@
-"""What a thing is taken to be: solids, container volumes and bars, in the world."""
+"""Estimated shape of a thing: solids, container volumes and bars, in the world."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SeenBar:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What a thing is taken to be.
+    """Estimated shape of a thing.
 
     Attributes:
         kind: The simplest solid that explains its points.

@@ -1,4 +1,4 @@
-"""Kettles and the like: what is round, but for a handle that stands out to one side, and a spout to another."""
+"""Kettles and the like: round things with a handle on one side and a spout on another."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _HANDLE = Handles()
 
 
 def stand_out(points: Array, top: float, grain: float) -> list[NDArray[np.bool_]]:
-    """Which points (n, 3) of a round thing belong to its handle, and which to its spout, if it has any.
+    """Find the points (n, 3) of a round thing's handle, and those of its spout, if it has any.
 
     Our choice: taken as one with them, the body is wider than a hand opens.
 

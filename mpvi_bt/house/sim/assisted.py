@@ -18,7 +18,7 @@ from mpvi_bt.house.sim.sim_robot import SimRobot
 
 
 class Attachments:
-    """What is fixed to which hand."""
+    """Things fixed to the hands."""
 
     def __init__(self, scene: sapien.Scene, robot: SimRobot, objects: Mapping[str, Thing]) -> None:
         """Nothing is fixed yet.

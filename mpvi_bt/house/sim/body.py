@@ -52,7 +52,7 @@ class SimBody:
 
     @property
     def gripper_command(self) -> Mapping[Side, float]:
-        """What each gripper was told last, -1 closed ... 1 open."""
+        """Last command of each gripper, -1 closed ... 1 open."""
         raise NotImplementedError
 
     @property
@@ -102,7 +102,7 @@ class SimBody:
         return matmul(kin.base(felt.base_pose), self.model.tcp(felt.torso, felt.arm[side], side))
 
     def hands_world(self) -> Array:
-        """(n, 3) where physics has the links that the fingers are fixed to [m]."""
+        """(n, 3) places in physics of the hand links, which carry the fingers [m]."""
         return np.array([self.links[self.model.hand_links[side]].entity.pose.p for side in self.model.sides], float)
 
     def fingertips_world(self) -> Array:

@@ -57,7 +57,7 @@ class Thing:
 
     @cached_property
     def root_body(self) -> sapien.physx.PhysxRigidBodyComponent:
-        """What of a movable thing can be fixed to a hand: its one body, or the one that the others are joined to."""
+        """The body of a movable thing to fix to a hand: its only body, or the root of its joints."""
         return self.rigid_body if self.articulation is None else self.articulation.root
 
     @property
@@ -137,11 +137,11 @@ class Thing:
         self.articulation.set_root_angular_velocity(v[3:])
 
     def solids(self) -> list[Solid]:
-        """What collides, posed in the world as it stands now."""
+        """Solids for collision, posed in the world as they stand now."""
         return list(self._posed()[0])
 
     def volumes(self) -> list[Solid]:
-        """What can hold things, posed in the world as it stands now."""
+        """Container volumes, posed in the world as they stand now."""
         return list(self._posed()[1])
 
     def joint_fractions(self) -> list[float]:

@@ -1,4 +1,4 @@
-"""A house from above whose near walls are transparent: those that stand between the camera and a room."""
+"""A house from above, with transparent walls between the camera and a room."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class Dots:
         self._drawn: dict[tuple[str, str], tuple[sapien.Entity, Array]] = {}
 
     def show(self, marked: Mapping[str, Marks]) -> dict[int, str]:
-        """Bring what cameras see to where things are, as many dots as there are marks.
+        """Draw the dots at the current places of things, one dot for each mark.
 
         Returns:
             Scene ids of dots that are new, to the names of what they are on.

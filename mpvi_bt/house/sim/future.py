@@ -1,4 +1,4 @@
-"""What may come to be of the things of a start: halves and dice of what can be cut, cooked grains, what is baked."""
+"""Future things made from the things of a start: halves, dice, cooked grains and baked things."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DEEPEST = 5  # steps from a thing to what becomes of it; more is a circle, such
 
 
 def future(catalogue: Catalogue, entries: Mapping[str, CatalogueEntry]) -> dict[str, CatalogueEntry]:
-    """Everything that may come to be of things, under the names that it will have: its synset and a number each.
+    """All future things made from present things, by their future names: a synset and a number each.
 
     Args:
         catalogue: What entries name.
@@ -33,9 +33,7 @@ def future(catalogue: Catalogue, entries: Mapping[str, CatalogueEntry]) -> dict[
 
 
 def _becomes(catalogue: Catalogue, entry: CatalogueEntry, sharp: bool, depth: int = 0) -> Iterator[CatalogueEntry]:
-    """All that one thing may become, step by step, each as often as there may be of it; where nothing is `sharp`,
-    uncut.
-    """
+    """All things made from one thing, step by step and with their numbers; without cuts if nothing is `sharp`."""
     if depth > _DEEPEST:
         raise UserError(f"{entry.name!r} becomes of itself: cutting and cooking lead nowhere")
     for name, number in [*(entry.cut_into if sharp else ()), *entry.cooked_into]:

@@ -1,4 +1,4 @@
-"""What is in the hands and in containers, by where things are and what touches."""
+"""Contents of hands and of containers, from places and contacts."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class Lights:
         return {disk.per_scene_id: place.thing.name + SWITCH for place, disks in self._pairs for disk in disks}
 
     def show(self) -> None:
-        """Bring what cameras see to where the switches are."""
+        """Draw the lights of all switches, at their current places."""
         on = self._switches.on
         for place, disks in self._pairs:
             lit, T = on[place.thing.name], place.T_world()

@@ -1,4 +1,4 @@
-"""What cameras see of heat: flames on what burns, and that things are cooked or frozen."""
+"""Visible effects of heat: flames on burning things, and the looks of cooked and frozen things."""
 
 from __future__ import annotations
 

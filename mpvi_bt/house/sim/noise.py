@@ -97,7 +97,7 @@ class NoisyRobot:
         self._robot.hold()
 
     def proprioception(self) -> Proprioception:
-        """What the robot feels; its base pose is what odometry says. Drift grows with what was driven between calls."""
+        """Proprioception with the base pose by odometry. Its drift grows with the motion between calls."""
         felt = self._robot.proprioception()
         self._drift(felt.base_pose)
         return replace(felt, base_pose=self._believed.copy())
@@ -140,7 +140,7 @@ class NoisyRobot:
 
 
 class StandingError:
-    """An error of position that lasts as long as the base stands where it is."""
+    """An error of position, constant while the base stands at one place."""
 
     def __init__(self, deviation_m: float, rng: np.random.Generator) -> None:
         """Draw errors of a standard deviation along x and y."""

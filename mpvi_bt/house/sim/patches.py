@@ -1,4 +1,4 @@
-"""A patch of marks on a floor, such as mud on a patio: where there is room for it, and what it is as a thing."""
+"""A patch of marks on a floor, such as mud on a patio: a random free place and a size, but no body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which movable things are there: what may come to be waits far below the floor, and what was used up goes there."""
+"""The movable things in the world. Future things wait far below the floor; used-up things go there."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Presence:
         self._hide(name)
 
     def save(self) -> dict[str, Any]:
-        """As JSON values: what is there, and what may still come to be; empty where nothing ever comes or goes."""
+        """As JSON values: present things and future things; empty if nothing ever comes or goes."""
         return {"there": list(self.there), "later": dict(self._later)} if self.changes else {}
 
     def restore(self, saved: Mapping[str, Any]) -> None:

@@ -79,7 +79,7 @@ def use_light_shaders() -> None:
 
 
 def renderer() -> sapien.render.RenderSystem:
-    """What draws a scene, on the device that SAPIEN chooses. Raises NoRenderingDevice where there is none."""
+    """A renderer on the device that SAPIEN chooses. Raises NoRenderingDevice if there is none."""
     try:
         sapien.render.set_log_level("error")
         use_light_shaders()

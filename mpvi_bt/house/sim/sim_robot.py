@@ -65,7 +65,7 @@ class SimRobot(SimBody):
 
     @property
     def gripper_command(self) -> Mapping[Side, float]:
-        """What each gripper was told last, -1 closed ... 1 open."""
+        """Last command of each gripper, -1 closed ... 1 open."""
         return {s: float(self._action[ActionLayout.GRIPPER[s]]) for s in self.model.sides}
 
     @property

@@ -12,7 +12,7 @@ from mpvi_bt.house.sim.builder import Thing
 
 
 class Ties:
-    """What is tied to what, each child once (implements `Springs`)."""
+    """Ties between things, at most one for each child (implements `Springs`)."""
 
     def __init__(self, scene: sapien.Scene, things: Mapping[str, Thing]) -> None:
         """Nothing is tied yet. `things` are all that there are in the scene, by name."""

@@ -1,4 +1,4 @@
-"""Where everything is, by the simulator: what the `oracle` detector tells."""
+"""Places of all things, by the simulator: the answers of the `oracle` detector."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Whereabouts:
         self._told = None
 
     def save(self) -> dict[str, Any]:
-        """Where things stood and where what has been carried was taken, x, y, z [m], and what may be carried still."""
+        """Last places and pick-up places of things, x, y, z [m], and things that may still be carried."""
         stood, taken = ({name: at.tolist() for name, at in of.items()} for of in (self._stood, self._taken_at))
         return {"stood": stood, "taken_at": taken, "had": sorted(self._had)}
 
@@ -63,7 +63,7 @@ class Whereabouts:
         self.forget()
 
     def at(self, step: int) -> KnowledgeBase:
-        """Where everything is now, which is that control step."""
+        """Places of all things now; `step` is the current control step."""
         if self._told is None or self._told[0] != step:
             self._told = (step, self._look())
         return self._told[1]
@@ -105,7 +105,7 @@ class Whereabouts:
         return base
 
     def _now(self, known: Entry) -> Entry:
-        """What is known of a room or fixture; where it stands now, if it can be moved."""
+        """The entry of a room or fixture, at its current place if it can be moved."""
         if known.name not in self._fixtures or not self._fixtures[known.name].movable:
             return known
         low, high = bounds(self._fixtures[known.name].solids())

@@ -187,7 +187,7 @@ class SimWorld(StepClock):
         return any(source.switched and source.at_c >= OVEN_C for source in self._temperatures.acting(name))
 
     def _became(self, name: str, made: str) -> None:
-        """See to what a thing hands on to what has come of it."""
+        """Pass the states of a thing on to the thing made from it."""
         if self._attachments is not None:
             self._attachments.lose(name)
         self._temperatures.inherit(made, name)

@@ -1,4 +1,4 @@
-"""Cutting: an active slicer makes halves of what it touches, and dice of what can be diced.
+"""Cutting: the touch of an active slicer makes halves of whole things, and dice of diceable things.
 
 Source: OmniGibson, object_states/slicer_active.py, transition_rules.py (SlicingRule, DicingRule).
 """
@@ -55,7 +55,7 @@ class Cuttable(Record):
 
 
 def cut(slicer: Slicer, kind: Cuttable) -> Cut | None:
-    """What becomes of a thing that the slicer touches now."""
+    """Result of a slicer's touch on a thing now."""
     if not slicer.active:
         return None
     return "halves" if kind.half is not None else "dice" if kind.diced is not None else None
@@ -197,7 +197,7 @@ def halves(half_m: Array) -> list[Array]:
 
 
 def dice(size_m: Array, die_m: Array, count: int) -> list[Array]:
-    """(4, 4) the frames of dice in that of what they are of: in a row along its longer side, on its underside."""
+    """(4, 4) frames of dice in the frame of the cut thing: in a row along its longer side, on its underside."""
     along = int(np.argmax(size_m[:2]))
     places = np.zeros((count, 3))
     places[:, along] = (np.arange(count) - (count - 1) / 2) * die_m[along]

@@ -76,7 +76,7 @@ def warmed(heat: Heat, sources: Iterable[Source], dt_s: float) -> Heat:
 
 
 def settles_at(sources: Iterable[Source]) -> float:
-    """What a thing comes to that stays with sources for long [degrees]."""
+    """Final temperature of a thing that stays with sources for long [degrees]."""
     of = [(DECAY_PER_S, ROOM_C), *((s.per_s, s.at_c) for s in sources)]
     return sum(rate * at for rate, at in of) / sum(rate for rate, _ in of)
 
@@ -110,7 +110,7 @@ def spread(
     near: Mapping[str, Sequence[str]],
     dt_s: float,
 ) -> dict[str, Heat]:
-    """Every thing's temperature a step later; what burns now warms its neighbors, and what it lights burns next.
+    """Temperatures of all things a step later. Burning things warm their neighbors; newly lit things burn next.
 
     Args:
         heats: Of each thing.
@@ -146,7 +146,7 @@ class Temperatures:
         self._looked = 0
 
     def of(self, name: str) -> tuple[Heat, Thermal]:
-        """How warm a thing is, and what heat does to it; what is not followed is as warm as the room for ever."""
+        """Heat of a thing, and the effects of heat on it. Things not followed stay at room temperature for ever."""
         return self._heats.get(name, Heat()), self._kinds.get(name, Thermal())
 
     def acting(self, name: str) -> Sequence[Source]:

@@ -131,7 +131,7 @@ class ThingLike(Protocol):
 
 
 class Coming(Protocol):
-    """Which things are there, and which may still come to be."""
+    """The present things, and the things still to come."""
 
     @property
     def there(self) -> Mapping[str, ThingLike]:

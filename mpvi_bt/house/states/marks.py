@@ -61,7 +61,7 @@ class Change(Protocol):
         ...
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Remember what was saved; of what is missing nothing has happened yet."""
+        """Go on from the saved state. Nothing has happened yet to things missing in it."""
         ...
 
 
@@ -105,7 +105,7 @@ class Marking:
         return any(len(points) for points in self.marks.get(name, Marks()).points.values())
 
     def step(self, state: WorldState) -> None:
-        """One control step later: sprayers that are on have sprayed, removers and washers have taken what they take."""
+        """One control step later: running sprayers add marks, and removers and washers take marks away."""
         for change in self._changes:
             change.step(state, self.marks)
 
@@ -117,7 +117,7 @@ class Marking:
         return {key: value for key, value in told.items() if value}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Bring every mark to where it was; what is marked now and not among them becomes clean."""
+        """Restore every saved mark. Things marked now but not in `saved` become clean."""
         marks = saved.get("on", {})
         self.marks = {
             name: Marks({kind: np.array(p, float).reshape(-1, 3) for kind, p in marks.get(name, {}).items()})
@@ -128,7 +128,7 @@ class Marking:
 
 
 def _settled(solids: Sequence[Solid], shares: Array, rng: np.random.Generator) -> Array:
-    """(3,) a random point where what falls from above comes to lie: on an upper side, with no other solid above."""
+    """(3,) a random point for a mark that falls from above: on an upper side, with no other solid above."""
     for _ in range(_DRAWS):
         k = int(rng.choice(len(solids), p=shares))
         point, normal = _on_surface(solids[k], rng)

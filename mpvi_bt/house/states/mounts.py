@@ -69,7 +69,7 @@ def fits(child: Mount, parent: Mount, contact: bool) -> bool:
 
 
 def breaks(force_n: float, torque_nm: float) -> bool:
-    """Whether what holds two mounts together gives way."""
+    """Whether the joint between two mounts gives way."""
     return force_n > BREAKS_N or torque_nm > BREAKS_NM
 
 
@@ -82,7 +82,7 @@ class _Joint:
 
 
 class Mounts:
-    """What is mounted on what."""
+    """Things mounted on other things."""
 
     def __init__(
         self, springs: Springs, things: Mapping[str, ThingLike], fittings: Mapping[str, tuple[Fitting, ...]]
@@ -112,7 +112,7 @@ class Mounts:
         return child in self._joints and self._joints[child].parent == parent
 
     def step(self, state: WorldState) -> None:
-        """One control step later: what gives way is torn off, what has come to a mount is fixed to it."""
+        """One control step later: overloaded mounts break, and things that have come to a mount are fixed to it."""
         if not self._pairs:
             return
         for child in [name for name, joint in self._joints.items() if self._torn(name, joint)]:

@@ -1,4 +1,4 @@
-"""Recipes: what an oven makes of a thing with all that belongs on it, such as a pizza of dough.
+"""Recipes: an oven turns a thing and all its ingredients into another thing, such as dough into a pizza.
 
 Source: OmniGibson, transition_rules.py; the recipes themselves are of the catalogue, after those of BEHAVIOR's tasks.
 """
@@ -19,7 +19,7 @@ _LOOKS_STEPS = 30  # control steps between two looks at what lies on a thing
 
 
 class Recipe(Record):
-    """What a thing becomes in an oven that is on, whatever its temperature.
+    """Ingredients and result of baking in a running oven, at any temperature.
 
     Attributes:
         into: Name of the catalogue's entry that it becomes.
@@ -35,7 +35,7 @@ class Recipe(Record):
 
 
 def baked(recipe: Recipe, covered_by: Set[str], topped_with: Mapping[str, int], on: Set[str]) -> bool:
-    """Whether a thing in an oven that is on becomes what its recipe says, by the synsets of what is about it."""
+    """Whether a thing in a running oven fulfills its recipe, by the synsets of the things on it and under it."""
     topped = all(topped_with.get(kind, 0) >= number for kind, number in recipe.topped_with.items())
     return set(recipe.covered_by) <= covered_by and topped and (recipe.on is None or recipe.on in on)
 
@@ -55,7 +55,7 @@ class _BakeKind(Protocol):
 
 
 class Baking:
-    """What an oven makes of things that have a recipe."""
+    """Baking of things with a recipe."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class Baking:
                 self._look(state, name, recipe)
 
     def _look(self, state: WorldState, name: str, recipe: Recipe) -> None:
-        """Bake what is complete; what covers and tops it is used up."""
+        """Bake the thing if its recipe is complete. The things that cover and top it are used up."""
         grains = {kind for kind in recipe.covered_by if covered(state, name, f"{kind}_1")}
         toppings = {
             kind: [one for one in self._there(state, kind) if ontop(state, one, name)] for kind in recipe.topped_with

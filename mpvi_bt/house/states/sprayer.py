@@ -60,7 +60,7 @@ class Spraying:
     """What the sprayers of a world do."""
 
     def __init__(self, things: Mapping[str, ThingLike], sprayers: Mapping[str, Sprayer]) -> None:
-        """Nothing is sprayed yet. `things` are all that there are, by name; `sprayers` those of them that spray."""
+        """Nothing is sprayed yet. `things` has all things by name, `sprayers` the spraying ones."""
         self._things, self._sprayers = things, sprayers
         self._steps = 0
         self._reaches_m: dict[str, float] = {}
@@ -93,7 +93,7 @@ class Spraying:
         self._steps = int(saved.get("steps", 0))
 
     def _met(self, sprayer: str, tip: Array, ray: Array) -> tuple[str, Array] | None:
-        """What a ray (3,) from a tip meets first, and where."""
+        """The first thing hit by a ray (3,) from a tip, and the point of the hit."""
         length = float(norm(ray))
         first: tuple[float, str] | None = None
         for name, thing in self._things.items():

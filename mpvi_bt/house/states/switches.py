@@ -109,7 +109,7 @@ def _squared(points: Array, centers: Array) -> Array:
 
 
 def _place(thing: ThingLike, body: str, switch: SwitchLike) -> SwitchPlace:
-    """A place, its frame worked out beforehand where the body stands still: that of every fixture but its doors."""
+    """A switch's place. Its frame is computed once if the body stands still, as on all fixtures but their doors."""
     T_body = _frame(switch)
     still = not thing.movable and body == thing.description.root.name
     fixed = matmul(thing.T_world_body(body), T_body) if still else None

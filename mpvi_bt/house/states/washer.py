@@ -1,4 +1,4 @@
-"""Washers: as one begins to run, what is in it loses the marks that it takes.
+"""Washers: a washer that begins to run removes its kinds of marks from the things in it.
 
 Source: OmniGibson, transition_rules.py (WasherRule).
 """
