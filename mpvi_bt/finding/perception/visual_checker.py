@@ -363,7 +363,7 @@ class _SeenPicture:
         return all(np.count_nonzero(side) >= _TOUCHING_PX for side in sides)
 
     def _hangs(self, name: str) -> bool:
-        """Whether the pixels right below a thing lie well behind it. A thing in front of its foot is not behind it."""
+        """Whether the pixels right below a thing lie well behind it. Pixels of a thing in front of its foot do not."""
         mask, depth = self._mask(name), self._image.depth
         rows, columns = np.nonzero(mask)
         last = rows >= np.percentile(rows, 90)

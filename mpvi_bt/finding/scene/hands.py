@@ -178,7 +178,7 @@ class HandTracker(Generic[Body]):
 
 
 def falls_into(center: Array, rooms: Sequence[Array]) -> int | None:
-    """Index of the room that a released thing falls into: the highest one that is open below it.
+    """Index of the room for a falling thing (a container volume): the highest one that is open below the thing.
 
     Args:
         center: (3,) the thing's middle.
