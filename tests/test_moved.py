@@ -12,25 +12,25 @@ from mpvi_bt.ground.moved import MODULES, ROOMS, new_name
 
 # What the pages and skeletons of the release before told people to import.
 TOLD = {
-    "mpvi_bt.executive.behaviors.node": ("Leaf",),
-    "mpvi_bt.executive.behaviors.parameters": ("Parameters",),
-    "mpvi_bt.executive.behaviors.registry": ("NodeType",),
-    "mpvi_bt.hands.motion.approach": ("approach", "arrive", "leave", "lines", "withdraw"),
-    "mpvi_bt.hands.motion.carry": ("settle",),
-    "mpvi_bt.hands.motion.gaze": ("study",),
-    "mpvi_bt.hands.skills.press": ("options", "press"),
-    "mpvi_bt.finding.perception.detector": ("Detection", "Detector"),
-    "mpvi_bt.executive.plan.clauses": ("match",),
-    "mpvi_bt.executive.plan.planners": ("Planner",),
-    "mpvi_bt.executive.plan.schema": ("Phrase", "Plan"),
-    "mpvi_bt.executive.plan.skills": ("load_skills",),
-    "mpvi_bt.ground.protocols": ("Checker", "Judgement", "Navigator", "Policy", "Triggers"),
-    "mpvi_bt.ground.geometry.kinematics": ("transform",),
-    "mpvi_bt.ground.robot.motion": ("MotionFailure",),
-    "mpvi_bt.executive.tree.compile": ("compile_plan",),
-    "mpvi_bt.executive.tree.spec": ("TreeSpec",),
-    "mpvi_bt.executive.tree.yaml_io": ("load_tree",),
-    "mpvi_bt.apps.cli": ("main",),
+    "mpvi_bt.behaviors.node": ("Leaf",),
+    "mpvi_bt.behaviors.parameters": ("Parameters",),
+    "mpvi_bt.behaviors.registry": ("NodeType",),
+    "mpvi_bt.manipulation.motion.approach": ("approach", "arrive", "leave", "lines", "withdraw"),
+    "mpvi_bt.manipulation.motion.carry": ("settle",),
+    "mpvi_bt.manipulation.motion.gaze": ("study",),
+    "mpvi_bt.manipulation.skills.press": ("options", "press"),
+    "mpvi_bt.perception.detector": ("Detection", "Detector"),
+    "mpvi_bt.plan.clauses": ("match",),
+    "mpvi_bt.plan.planners": ("Planner",),
+    "mpvi_bt.plan.schema": ("Phrase", "Plan"),
+    "mpvi_bt.plan.skills": ("load_skills",),
+    "mpvi_bt.protocols": ("Checker", "Judgement", "Navigator", "Policy", "Triggers"),
+    "mpvi_bt.robot.kinematics": ("transform",),
+    "mpvi_bt.robot.motion": ("MotionFailure",),
+    "mpvi_bt.tree.compile": ("compile_plan",),
+    "mpvi_bt.tree.spec": ("TreeSpec",),
+    "mpvi_bt.tree.yaml_io": ("load_tree",),
+    "mpvi_bt.cli": ("main",),
 }
 
 
@@ -53,9 +53,9 @@ def test_every_name_in_the_table_leads_to_a_module() -> None:
 
 
 def test_a_name_of_a_room_is_imported_from_it() -> None:
-    """`from mpvi_bt.ground.robot import rotations`, though rotations stand elsewhere now."""
+    """`from mpvi_bt.robot import rotations`, though rotations stand elsewhere now."""
     from mpvi_bt.ground.geometry import rotations as now
 
     with pytest.warns(FutureWarning):
-        then = getattr(importlib.import_module("mpvi_bt.ground.robot"), "rotations")  # noqa: B009
+        then = getattr(importlib.import_module("mpvi_bt.robot"), "rotations")  # noqa: B009
     assert then is now

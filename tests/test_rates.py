@@ -310,7 +310,7 @@ def test_a_client_of_the_executive_may_have_its_own_rate() -> None:
     assert keys.read({**message, "rate_hz": 10.0}, robot_named("r1")).steps == 3
     (row,) = keys.answer(told, {"rate_hz": 10.0})["actions"]
     np.testing.assert_allclose(row[JOINTS], told[-1, JOINTS])
-    with pytest.raises(BadMessage, match="divides 30"):
+    with pytest.raises(BadMessage, match="must divide 30"):
         keys.read({**message, "rate_hz": 20.0}, robot_named("r1"))
 
 

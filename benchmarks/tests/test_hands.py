@@ -169,7 +169,7 @@ def test_only_what_hangs_free_between_both_fingers_is_picked() -> None:
     assert done(lying) == "not_held"
     T = lying.robot.hand_pose_world("right")
     lying.place("can", pose(T[:3, 3] + [0, 0, 0.05]))  # upon the hand
-    lying.step(lying.robot.action)
+    lying.step()
     assert done(lying) == "not_held"
 
     grip = world.robot.hand_pose_world("right")[:3, 3]

@@ -1,6 +1,6 @@
 """Modules that moved into the wings: their old names load them for one more release, with a warning.
 
-Before version 0.2 rooms stood on one floor: `mpvi_bt.perception.detector` is `mpvi_bt.finding.perception.detector` now.
+Before the wings, rooms stood on one floor: `mpvi_bt.perception.detector` is now `mpvi_bt.finding.perception.detector`.
 """
 
 from __future__ import annotations
