@@ -1,1 +1,1 @@
-"""Hands that work: the robots that ship, and the policies that move them. They stand in for a VLA."""
+"""The shipped robots and the policies that move their hands. They stand in for a VLA."""

@@ -52,9 +52,9 @@ class Skill(Record):
         shows: What the judge should see at the end, as a criterion with slots; `SkillCall.criterion` fills it in.
         triggers: Events that ask the completion checker.
         timeout_s: Simulated time that it may take.
-        needs: What has to be so before.
-        effects: What is so afterward.
-        unseen: Slots of what need not be seen before: what is in a vessel, or what the motion looks for itself.
+        needs: Conditions before the skill.
+        effects: Conditions after the skill.
+        unseen: Slots of things that need not be seen before, such as the contents of a vessel.
         like: Another skill, whose motion does this one too; its slots are that one's, and so are needs, effects and
             unseen where the file says nothing of them. None: it has a motion of its own.
         motion: That motion, where it is not one of ours: the import path of a function, "my_module:turn_knob", which

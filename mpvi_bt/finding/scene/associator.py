@@ -124,7 +124,7 @@ class Associator:
 
     def _misfits(self, frame: Frame, seen: Sequence[Array], known: Sequence[SeenThing]) -> Array:
         """(n, m) how badly points (k, 3) of each of n masks fit each of m things."""
-        # Of what was never whole in a picture the part that was: where is that now?
+        # Things at the edge of every picture so far: compare the part that was in the last one.
         parts = {t.name: main_cluster(t.views[-1][0].of(t.views[-1][1])) for t in known
                  if t.views and all(f.cut(m) for f, m in t.views)}  # fmt: skip
         misfits = np.full((len(seen), len(known)), NEVER)

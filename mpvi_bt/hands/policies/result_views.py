@@ -15,7 +15,7 @@ from mpvi_bt.hands.motion.viewpoints import step_up
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills.spots import is_floor
 
-_WHERE = ("container", "surface", "target", "object")  # slots that name what to look at, the first that does
+_WHERE = ("container", "surface", "target", "object")  # slots to look at; the first one in a call counts
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ def fell_beside(work: Work, call: SkillCall) -> bool:
 
 
 def done_at(work: Work, call: SkillCall) -> list[str]:
-    """What to look at to see that a call is done: what both hands hold; or where it was done, and the thing there.
+    """Names of the things that show a call's result: a payload of both hands, or else the place and the thing there.
 
-    Nothing where that is not known, or is in a hand, whose own camera sees it.
+    Empty if the place is unknown, or if a hand holds the thing: that hand's own camera sees it.
     """
     if (between := work.scene.between()) is not None:
         return [between]

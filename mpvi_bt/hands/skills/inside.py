@@ -33,8 +33,8 @@ def looks_inside(work: Work, name: str) -> Iterator[Look]:
 
     It may have been seen in part, from the side, or past a payload. The order of viewpoints: where the robot stands, if
     it knows of no volume at all; before a door that stands open; turned to the container and, if there is still no
-    volume, to both sides; farther off; around it. Some scenes need no looks. A container in a hand is looked at
-    where it is, and then held out before the head, which may not have its rim in view where it is carried.
+    volume, to both sides; farther off; around it. Some scenes need no looks. The head looks at a container in a hand
+    first where it is. Then the hand holds it out before the head, because its rim may have been out of view.
     """
     yield _from_here(work, name)
     if not work.scene.needs_looks:
