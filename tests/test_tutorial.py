@@ -27,7 +27,21 @@ MARK = "=== a command ends here ==="
 
 
 def play(text: str, folder: Path) -> str:
-    """The text with what its commands print, run in order in one shell that starts in `folder`."""
+    """The text with what its commands print, run in order in one shell that starts in `folder`.
+
+    On a machine where loops had to be compiled first, a line says so: the text is then played again, as a page shows
+    what every later run prints.
+    """
+    played = play_once(text, folder)
+    if "mpvi: compiling loops for this machine" not in played:
+        return played
+    again = folder / "again"
+    again.mkdir()
+    return play_once(text, again)
+
+
+def play_once(text: str, folder: Path) -> str:
+    """The text with what its commands print this time."""
     script = []
     for block in BLOCK.finditer(text):
         path, content, console = block.groups()
