@@ -15,7 +15,7 @@ from mpvi_bt.executive.behaviors.registry import node_types
 from mpvi_bt.executive.drawing import symbols
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.tree.yaml_io import load_tree
-from mpvi_bt.ground.robot.model import Camera
+from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
 from mpvi_bt.hands.robots import r1
 from tests import warm

@@ -18,7 +18,8 @@ from mpvi_bt.ground.errors import BadMessage, shown
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import Camera, RobotModel
+from mpvi_bt.ground.robot.camera import Camera
+from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 
 ROBOT = "robot_r1"  # what evaluators call the robot

@@ -66,10 +66,8 @@ class Footprint:
         robot = robot_named(body.robot)
         m = robot.arm_m
         for side in body.sides:
-            elbow, hand = (matmul(robot.chest(body.torso), T) for T in robot.arm_frames(body.arm[side], side)[-2:])
-            wrist = hand[:3, 3] - robot.tcp_m * hand[:3, 2]
-            parts = [elbow[:3, 3], wrist, (wrist + hand[:3, 3]) / 2, hand[:3, 3]]
-            parts = [p for p in parts if math.hypot(p[0], p[1]) + m > base_m and not robot.base.covers(p[:2], m)]
+            points = robot.arm_points(body.torso, body.arm[side], side)
+            parts = [p for p in points if math.hypot(p[0], p[1]) + m > base_m and not robot.base.covers(p[:2], m)]
             around += [(p[0], p[1], m) for p in parts]
         load = cls.carrying(base_m, body.base_pose, entries)
         return cls(base_m, np.concatenate([load.loads, np.array(around, float).reshape(-1, 3)]), robot.base.circles)

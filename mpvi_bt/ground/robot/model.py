@@ -19,24 +19,14 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.import_paths import imported
 from mpvi_bt.ground.robot import arms
 from mpvi_bt.ground.robot.arms import Arm
+from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.hand import Hand
+from mpvi_bt.ground.robot.layout import ActionLayout
 from mpvi_bt.ground.robot.mobile_base import MobileBase
 from mpvi_bt.ground.robot.protocol import SIDES, Side
-from mpvi_bt.ground.robot.trunk import Trunk
+from mpvi_bt.ground.robot.trunk import LiftTrunk, Trunk
 
 SIGN: Mapping[Side, int] = {"left": 1, "right": -1}
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A camera of the robot: picture size [px], vertical field of view [rad], nearest and farthest depth [m]."""
-
-    width: int
-    height: int
-    fov_rad: float
-    near_m: float
-    far_m: float
-    link: str
 
 
 def wrist_mount(p: Array, tilt_rad: float) -> Array:
@@ -112,6 +102,7 @@ class RobotModel:
 
     Attributes:
         name: As `--robot` has it.
+        layout: Of its actions.
         urdf_writer: Import path of the function that writes its links and joints as the text of a URDF.
         arms: Its arms; a robot with one has it on the "right".
         trunk: What carries the chest.
@@ -145,6 +136,7 @@ class RobotModel:
     """
 
     name: str
+    layout: ActionLayout
     urdf_writer: str
     arms: Mapping[Side, Arm]
     trunk: Trunk
@@ -184,6 +176,31 @@ class RobotModel:
         """Its links and joints as the text of a URDF."""
         text: str = imported(self.urdf_writer, f"robot {self.name}: urdf_writer")()
         return text
+
+    @property
+    def arm_limits(self) -> Mapping[Side, Array]:
+        """(7, 2) of each arm [rad]."""
+        return {side: arm.limits for side, arm in self.arms.items()}
+
+    @property
+    def torso_top_speed(self) -> Array:
+        """(4,) [m/s or rad/s]."""
+        return self.top_speed[:4]
+
+    @property
+    def arm_top_speed(self) -> Mapping[Side, Array]:
+        """(7,) of each arm [rad/s]."""
+        return dict.fromkeys(self.arms, self.top_speed[4:])
+
+    @property
+    def linear_joints(self) -> frozenset[int]:
+        """Indices into an action of the joints that are told in meters: a lift."""
+        return frozenset({self.layout.torso.start} if isinstance(self.trunk, LiftTrunk) else ())
+
+    @property
+    def opening_m(self) -> float:
+        """Between the fingers of a hand that is fully open."""
+        return self.hand.opening_m
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -251,6 +268,12 @@ class RobotModel:
     def tcp(self, torso: Array, q: Array, side: Side) -> Array:
         """T_base_tcp (..., 4, 4) of torso (..., 4) and arm angles (..., 7)."""
         return matmul(self.chest(torso), self.arm(q, side))
+
+    def arm_points(self, torso: Array, q: Array, side: Side) -> Array:
+        """(4, 3) elbow, wrist, between wrist and tcp, and tcp, in the base frame."""
+        elbow, hand = (matmul(self.chest(torso), T) for T in self.arm_frames(q, side)[-2:])
+        wrist = hand[:3, 3] - self.tcp_m * hand[:3, 2]
+        return np.stack([elbow[:3, 3], wrist, (wrist + hand[:3, 3]) / 2, hand[:3, 3]])
 
     def arm_inverse(self, T_chest_tcp: Array, side: Side, swivels: int = 36) -> tuple[NDArray[np.intp], Array]:
         """Every arm posture within the joint limits that brings the tcp to a target, at samples of the free angle.

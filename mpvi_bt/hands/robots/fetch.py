@@ -15,9 +15,11 @@ import numpy as np
 
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.robot.arms import PannedArm
+from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.mobile_base import MobileBase
-from mpvi_bt.ground.robot.model import Camera, Drive, Hull, RobotModel, wrist_mount
+from mpvi_bt.ground.robot.model import Drive, Hull, RobotModel, wrist_mount
 from mpvi_bt.ground.robot.trunk import LiftTrunk
+from mpvi_bt.hands.robots.action_numbers import action_layout
 from mpvi_bt.hands.robots.r1 import HAND
 
 HAND_M = 0.1385  # wrist to flange, at the roll joint
@@ -49,6 +51,7 @@ _ARM = PannedArm(
     tcp_m=HAND_M + TCP_M,
     limits=_LIMITS,
 )
+_TORSO_JOINTS = ("torso_lift_joint", None, None, "head_tilt_joint")
 _ARM_JOINTS = (
     "shoulder_pan_joint", "shoulder_lift_joint", "upperarm_roll_joint", "elbow_flex_joint", "forearm_roll_joint",
     "wrist_flex_joint", "wrist_roll_joint",
@@ -84,11 +87,12 @@ _HULL = Hull(
 
 FETCH = RobotModel(
     name="fetch",
+    layout=action_layout(_TORSO_JOINTS, {"right": _ARM_JOINTS}),
     urdf_writer="mpvi_bt.hands.robots.fetch_urdf:fetch_urdf",
     arms={"right": _ARM},
     trunk=LiftTrunk(LIFT_M, 0.0, np.array([[0.0, 0.38615], [0.0, 0.0], [0.0, 0.0], [-0.76, 1.45]])),
     base_joints=_BASE_JOINTS,
-    torso_joints=("torso_lift_joint", None, None, "head_tilt_joint"),
+    torso_joints=_TORSO_JOINTS,
     arm_joints={"right": _ARM_JOINTS},
     finger_joints={"right": _FINGERS},
     hand_links={"right": "gripper_link"},

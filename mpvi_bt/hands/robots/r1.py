@@ -13,11 +13,13 @@ import numpy as np
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.arms import SphericalArm
+from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.hand import Hand
 from mpvi_bt.ground.robot.mobile_base import MobileBase
-from mpvi_bt.ground.robot.model import SIGN, Camera, Drive, Hull, RobotModel, wrist_mount
+from mpvi_bt.ground.robot.model import SIGN, Drive, Hull, RobotModel, wrist_mount
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.ground.robot.trunk import LiftTrunk
+from mpvi_bt.hands.robots.action_numbers import action_layout
 
 # Our choice: a robot of about the size of BEHAVIOR's R1Pro.
 UPPER_ARM_M = 0.32
@@ -135,6 +137,7 @@ ASIDE_M = np.array([(0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), 
 
 R1 = RobotModel(
     name="r1",
+    layout=action_layout(TORSO_JOINTS, ARM_JOINTS),
     urdf_writer="mpvi_bt.hands.robots.r1_urdf:r1_urdf",
     arms={s: SphericalArm(SHOULDER_M * [1, SIGN[s], 1], UPPER_ARM_M, FOREARM_M, TCP_M, ARM_LIMITS[s]) for s in SIGN},
     trunk=LiftTrunk(np.array([0.0, 0.0, WAIST_M]), CHEST_M, TORSO_LIMITS),

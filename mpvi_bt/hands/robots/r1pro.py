@@ -16,11 +16,13 @@ import numpy as np
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.arms import SphericalArm
+from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.hand import Hand
 from mpvi_bt.ground.robot.mobile_base import MobileBase
-from mpvi_bt.ground.robot.model import SIGN, Camera, Drive, Hull, RobotModel
+from mpvi_bt.ground.robot.model import SIGN, Drive, Hull, RobotModel
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.ground.robot.trunk import FoldingTrunk
+from mpvi_bt.hands.robots.action_numbers import action_layout
 
 HIP_M = np.array([-0.079032, 0.0, 0.34265])  # in the base frame
 THIGH_M, SHIN_M, NECK_M = 0.4, 0.3, 0.09962  # hip, knee, waist, chest
@@ -174,6 +176,7 @@ HAND = Hand(
 
 R1PRO = RobotModel(
     name="r1pro",
+    layout=action_layout(_TORSO_JOINTS, _ARM_JOINTS),
     urdf_writer="mpvi_bt.hands.robots.r1pro_urdf:r1pro_urdf",
     arms={s: _arm(s) for s in SIGN},
     trunk=TRUNK,

@@ -12,7 +12,7 @@ from mpvi_bt.ground.errors import BackendError, NoRenderingDevice
 from mpvi_bt.ground.geometry.kinematics import LINK_TO_OPTICAL, transform
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import Camera
+from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.protocol import CameraImage
 
 _OPTICAL_TO_LINK = transform(LINK_TO_OPTICAL.T, (0.0, 0.0, 0.0))

@@ -1,0 +1,56 @@
+"""Where the parts of a robot stand in its action: one vector of A numbers a row, A as the robot's file says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import Side
+
+
+@dataclass(frozen=True, eq=False)
+class ActionLayout:
+    """The layout of an action (A,). Numbers that belong to no part stay 0.
+
+    Attributes:
+        names: (A,) of the numbers, in their order, such as "base_vx", "elbow_joint" or "gripper_right".
+        base: Where vx, vy [m/s] and yaw rate [rad/s] of the base frame stand; None of a velocity that the base lacks.
+        torso: Absolute targets of the joints of torso and head [m or rad].
+        arm: Joint targets [rad or m] of each arm.
+        gripper: -1 closed ... 1 fully open, of each gripper.
+    """
+
+    names: tuple[str, ...]
+    base: tuple[int | None, int | None, int | None]
+    torso: slice
+    arm: Mapping[Side, slice]
+    gripper: Mapping[Side, int]
+
+    @property
+    def size(self) -> int:
+        """How many numbers an action has."""
+        return len(self.names)
+
+    @property
+    def joints(self) -> Array:
+        """(J,) indices of all joint targets: torso, then arms."""
+        every = np.arange(self.size)
+        return np.concatenate([every[self.torso], *(every[arm] for arm in self.arm.values())])
+
+    def velocity(self, action: Array) -> Array:
+        """(..., 3) vx, vy [m/s] and yaw rate [rad/s] of actions (..., A); 0 of what the base lacks. A copy."""
+        out = np.zeros((*action.shape[:-1], 3))
+        for k, i in enumerate(self.base):
+            if i is not None:
+                out[..., k] = action[..., i]
+        return out
+
+    def set_velocity(self, action: Array, velocity: Array | float) -> None:
+        """Write vx, vy [m/s] and yaw rate [rad/s], (..., 3) or one number for all, into actions (..., A), in place."""
+        told = np.broadcast_to(np.asarray(velocity, float), (*action.shape[:-1], 3))
+        for k, i in enumerate(self.base):
+            if i is not None:
+                action[..., i] = told[..., k]
