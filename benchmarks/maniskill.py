@@ -19,7 +19,7 @@ import gymnasium
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import load_task
@@ -105,26 +105,26 @@ def table(sides: Mapping[str, Step], rounds: int, steps: int) -> None:
 def idle(k: int) -> Array:
     """(23,) as the robot begins."""
     action = np.zeros(ACTION_SIZE)
-    action[ActionLayout.TORSO] = r1.TRAVEL_TORSO
-    for side, part in ActionLayout.ARM.items():
+    action[StaticLayout.TORSO] = r1.TRAVEL_TORSO
+    for side, part in StaticLayout.ARM.items():
         action[part] = r1.TRAVEL_ARM[side]
-        action[ActionLayout.GRIPPER[side]] = 1.0
+        action[StaticLayout.GRIPPER[side]] = 1.0
     return action
 
 
 def driving(k: int) -> Array:
     """(23,) turning on the spot, back and forth, and a little ahead and back."""
     action, way = idle(k), np.sign(np.sin(2 * np.pi * k / CONTROL_HZ))
-    action[ActionLayout.BASE] = (0.2 * way, 0.0, 0.5 * way)
+    action[StaticLayout.BASE] = (0.2 * way, 0.0, 0.5 * way)
     return action
 
 
 def manipulating(k: int) -> Array:
     """(23,) both arms and the fingers moving."""
     action, wave = idle(k), np.sin(2 * np.pi * k / CONTROL_HZ)
-    for side, part in ActionLayout.ARM.items():
+    for side, part in StaticLayout.ARM.items():
         action[part] += 0.1 * wave
-        action[ActionLayout.GRIPPER[side]] = wave
+        action[StaticLayout.GRIPPER[side]] = wave
     return action
 
 

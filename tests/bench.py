@@ -13,7 +13,7 @@ from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
 
 SKILLS = load_skills()
@@ -60,7 +60,7 @@ class Bench:
     @property
     def base(self) -> Array:
         """The base's part of the present command."""
-        return self.world.robot.action[ActionLayout.BASE]
+        return self.world.robot.action[StaticLayout.BASE]
 
     @property
     def failure(self) -> Failure:

@@ -29,7 +29,7 @@ from mpvi_bt.executive.trace.read import read_trace
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Proprioception, StaticLayout
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.runs.episode.queries import with_truth
 from mpvi_bt.runs.episode.result import kept_handoff, read_result, write_result
@@ -55,8 +55,8 @@ root:
       - check_complete: {HELD}
 """
 ALONE = "tree: alone\nroot:\n  manipulate: pick up the cup\n"
-RIGHT = ActionLayout.ARM["right"]
-GRIPPER = ActionLayout.GRIPPER["right"]
+RIGHT = StaticLayout.ARM["right"]
+GRIPPER = StaticLayout.GRIPPER["right"]
 
 
 class Moving:
@@ -79,10 +79,10 @@ class Moving:
         """(10, 23)."""
         body: Proprioception = observation["proprioception"]
         still = np.zeros(ACTION_SIZE)
-        still[ActionLayout.TORSO] = body.torso
+        still[StaticLayout.TORSO] = body.torso
         for side in body.sides:
-            still[ActionLayout.ARM[side]] = body.arm[side]
-            still[ActionLayout.GRIPPER[side]] = body.gripper_command[side]
+            still[StaticLayout.ARM[side]] = body.arm[side]
+            still[StaticLayout.GRIPPER[side]] = body.gripper_command[side]
         rows = []
         for _ in range(self.horizon):
             rows.append(self.act(still))

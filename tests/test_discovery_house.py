@@ -15,7 +15,7 @@ from mpvi_bt.finding.perception.segmentation import SegmentationDetector
 from mpvi_bt.finding.scene.discovery import Discoveries
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, pose
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import load_house
@@ -189,12 +189,12 @@ def test_a_can_is_followed_from_the_hand_to_the_floor() -> None:
     arm = R1.nearest_posture(kin.inverse(R1.chest(r1.TRAVEL_TORSO)) @ T_base_hand, "right", right)
     assert arm is not None
     action = world.robot.action.copy()
-    action[ActionLayout.TORSO], action[ActionLayout.ARM["right"]] = r1.TRAVEL_TORSO, arm
-    action[ActionLayout.ARM["left"]] = r1.TRAVEL_ARM["left"]
+    action[StaticLayout.TORSO], action[StaticLayout.ARM["right"]] = r1.TRAVEL_TORSO, arm
+    action[StaticLayout.ARM["left"]] = r1.TRAVEL_ARM["left"]
     made = Discoveries(KnowledgeBase(), ["can of soda"], SegmentationDetector({"can": ("can of soda",)}), world)
 
     def steps(seconds: float, gripper: float, base: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
-        action[ActionLayout.GRIPPER["right"]], action[ActionLayout.BASE] = gripper, base
+        action[StaticLayout.GRIPPER["right"]], action[StaticLayout.BASE] = gripper, base
         for _ in range(round(seconds * CONTROL_HZ)):
             world.robot.act(action)
             world.step()

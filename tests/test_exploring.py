@@ -21,7 +21,7 @@ from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.finding.scene.visibility import VisibilityMap
 from mpvi_bt.ground.errors import DetectorError
 from mpvi_bt.ground.protocols import Progress, Report, StepClock
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception, StaticLayout
 from mpvi_bt.hands.robots import r1
 from tests.depth_pictures import Box, picture, walls
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
@@ -59,16 +59,16 @@ class Rising(Seeing):
 
     def __init__(self, x: float, y: float, yaw: float, boxes: Sequence[Box]) -> None:
         super().__init__(x, y, yaw, boxes)
-        self.action[ActionLayout.TORSO] = r1.TRAVEL_TORSO
+        self.action[StaticLayout.TORSO] = r1.TRAVEL_TORSO
 
     def proprioception(self) -> Proprioception:
         """With that torso."""
-        return replace(super().proprioception(), torso=self.action[ActionLayout.TORSO].copy())
+        return replace(super().proprioception(), torso=self.action[StaticLayout.TORSO].copy())
 
     def look(self, camera: str) -> CameraImage:
         """A picture from where the head is."""
         assert camera == "head"
-        return picture(self.at(), self.boxes, 0.5, self.action[ActionLayout.TORSO])
+        return picture(self.at(), self.boxes, 0.5, self.action[StaticLayout.TORSO])
 
 
 class BoxDetector:

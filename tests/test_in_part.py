@@ -10,7 +10,7 @@ from mpvi_bt.finding.scene.seen import Seen
 from mpvi_bt.finding.shapes.in_part import in_part
 from mpvi_bt.finding.shapes.shape import Shape
 from mpvi_bt.ground.geometry.solids import box
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import run, small_world
 
@@ -22,7 +22,7 @@ OVER, UP = 0.55, 0.0  # tilts of the head: its lower edge in the picture, and al
 
 def look(world: SimWorld, seen: Seen, tilt: float) -> None:
     action = world.robot.action
-    action[ActionLayout.TORSO] = [0.55, 0.0, 0.0, tilt]
+    action[StaticLayout.TORSO] = [0.55, 0.0, 0.0, tilt]
     run(world, action, 1.5)
     seen.see({"head": world.robot.look("head")}, world.robot.proprioception())
 

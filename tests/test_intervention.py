@@ -15,7 +15,7 @@ from mpvi_bt.executive.monitors.signals import SIGNALS
 from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.ground.errors import BackendError, NodeError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.runs.choices.lateness import LateChecker
 from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.testing import StraightNavigator
@@ -34,8 +34,8 @@ class Shaking:
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         action = np.zeros((2, ACTION_SIZE))
-        action[:, ActionLayout.TORSO] = observation["proprioception"].torso
-        action[1, ActionLayout.ARM["right"]] = 0.01
+        action[:, StaticLayout.TORSO] = observation["proprioception"].torso
+        action[1, StaticLayout.ARM["right"]] = 0.01
         return action
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.arms import posture_distance
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Side, StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 
@@ -219,11 +219,11 @@ def test_base_is_a_planar_pose(x: float, y: float, yaw: float) -> None:
 def test_the_action_is_covered_once() -> None:
     """Base, torso, arms and grippers take each of the 23 numbers, none twice."""
     taken = np.zeros(ACTION_SIZE, int)
-    parts: list[slice | int] = [ActionLayout.BASE, ActionLayout.TORSO]
-    parts += [*ActionLayout.ARM.values(), *ActionLayout.GRIPPER.values()]
+    parts: list[slice | int] = [StaticLayout.BASE, StaticLayout.TORSO]
+    parts += [*StaticLayout.ARM.values(), *StaticLayout.GRIPPER.values()]
     for part in parts:
         taken[part] += 1
     assert (taken == 1).all()
-    assert [s.stop - s.start for s in (ActionLayout.BASE, ActionLayout.TORSO, *ActionLayout.ARM.values())] == [
+    assert [s.stop - s.start for s in (StaticLayout.BASE, StaticLayout.TORSO, *StaticLayout.ARM.values())] == [
         len(r1.BASE_JOINTS), len(r1.TORSO_JOINTS), *(len(r1.ARM_JOINTS[s]) for s in SIDES)
     ]  # fmt: skip

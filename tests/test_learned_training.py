@@ -12,7 +12,7 @@ import pytest
 from mpvi_bt.apps.cli import main
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.learned import training
 from mpvi_bt.hands.learned.batches import Batches
 from mpvi_bt.hands.learned.demonstration import Demonstration
@@ -33,8 +33,8 @@ def demonstrate(path: Path, seed: int, grip: float = 1.0) -> None:
     arm = BODY.travel_arm[SIDE] + share * rng.normal(0, 0.3, 7)
     n = len(moving)
     action = np.zeros((n, 23))
-    action[:, ActionLayout.TORSO], action[:, ActionLayout.ARM[SIDE]] = BODY.travel_torso, arm
-    action[:, ActionLayout.GRIPPER[SIDE]] = np.where(moving >= CLOSED, -grip, grip)
+    action[:, StaticLayout.TORSO], action[:, StaticLayout.ARM[SIDE]] = BODY.travel_torso, arm
+    action[:, StaticLayout.GRIPPER[SIDE]] = np.where(moving >= CLOSED, -grip, grip)
     base = np.repeat(rng.normal(0, 0.3, (1, 3)), n, 0)
     around = np.array([0.6, 0.0, 0.7]) + rng.normal(0, 0.05, (n // 10 + 1, 128, 3))
     Demonstration(

@@ -10,7 +10,7 @@ import pytest
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Actions, Motion
-from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
 from mpvi_bt.hands.motion.gaze import look_down, turn_to
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1pro import R1PRO
@@ -49,8 +49,8 @@ def carry_out(work: Work, actions: Actions) -> list[Array]:
     """Every action at once as told; the torsos on the way."""
     torsos = []
     for action in actions:
-        arm = {side: action[ActionLayout.ARM[side]].copy() for side in SIDES}
-        torsos.append(action[ActionLayout.TORSO].copy())
+        arm = {side: action[StaticLayout.ARM[side]].copy() for side in SIDES}
+        torsos.append(action[StaticLayout.TORSO].copy())
         work.motion.felt = replace(work.motion.felt, torso=torsos[-1], arm=arm, arm_command=arm)
     return torsos
 

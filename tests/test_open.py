@@ -13,7 +13,7 @@ from mpvi_bt.finding.shapes.moving_parts import moved
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import ActionLayout, Side
+from mpvi_bt.ground.robot.protocol import Side, StaticLayout
 from mpvi_bt.hands.motion.follow import _reach, go_along
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
@@ -197,11 +197,11 @@ def test_a_hand_on_a_bar_is_drawn_back_before_it_is_folded() -> None:
         moving = next(
             action
             for action in ExpertPolicy(world, SKILLS)._recover(work)
-            if action[ActionLayout.BASE].any()
-            or (action[ActionLayout.ARM[side]] != before[ActionLayout.ARM[side]]).any()
+            if action[StaticLayout.BASE].any()
+            or (action[StaticLayout.ARM[side]] != before[StaticLayout.ARM[side]]).any()
         )
-        assert moving[ActionLayout.GRIPPER[side]] == 1.0
-        assert bool(moving[ActionLayout.BASE] @ [*(kin.rot_z(-base[2]) @ bar.outward)[:2], 0.0] > 0) == draws_back
+        assert moving[StaticLayout.GRIPPER[side]] == 1.0
+        assert bool(moving[StaticLayout.BASE] @ [*(kin.rot_z(-base[2]) @ bar.outward)[:2], 0.0] > 0) == draws_back
 
 
 @pytest.mark.slow

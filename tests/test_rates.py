@@ -25,7 +25,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, composed, of_kind
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import check_policy_choice, for_clients, paced, rate_doubt
@@ -33,8 +33,8 @@ from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.testing.doubles import KinematicRobot
 
 RATES = st.sampled_from([1.0, 2.0, 5.0, 7.0, 10.0, 12.5, 15.0, 20.0, 25.0, 29.97, 30.0, 50.0, 60.0])
-BASE, ELBOW, GRIP = ActionLayout.BASE, ActionLayout.ARM["right"].start + 3, ActionLayout.GRIPPER["right"]
-JOINTS = np.r_[ActionLayout.TORSO, ActionLayout.ARM["left"], ActionLayout.ARM["right"]]
+BASE, ELBOW, GRIP = StaticLayout.BASE, StaticLayout.ARM["right"].start + 3, StaticLayout.GRIPPER["right"]
+JOINTS = np.r_[StaticLayout.TORSO, StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
 
 
 class Rows:
@@ -81,7 +81,7 @@ def wave(steps: int) -> Array:
     told = np.zeros((steps, ACTION_SIZE))
     told[:, BASE] = np.array([0.5, -0.3, 0.8]) * np.sin(time_s * np.array([1.1, 0.7, 1.7]))
     told[:, JOINTS] = 0.3 * np.sin(time_s * np.linspace(0.5, 2.0, len(JOINTS)))
-    told[:, list(ActionLayout.GRIPPER.values())] = 1.0
+    told[:, list(StaticLayout.GRIPPER.values())] = 1.0
     told[steps // 2 : steps // 2 + 3, GRIP] = -1.0
     return told
 
@@ -89,7 +89,7 @@ def wave(steps: int) -> Array:
 def recorded(steps: Array, rate_hz: float) -> Array:
     """(n, 23) rows of a rate that such commands make."""
     first = np.zeros(ACTION_SIZE)
-    first[list(ActionLayout.GRIPPER.values())] = 1.0
+    first[list(StaticLayout.GRIPPER.values())] = 1.0
     return Resampler().resampled(steps, CONTROL_HZ, rate_hz, first, whole=False)
 
 

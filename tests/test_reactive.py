@@ -15,7 +15,7 @@ from mpvi_bt.executive.plan.skills import SkillCall, load_skills
 from mpvi_bt.executive.remote.dialect_settings import CAMERAS
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, StaticLayout
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies import reactive as module
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
@@ -201,7 +201,7 @@ class Stuck(KinematicRobot):
 
     def advance(self, action: Array) -> None:
         """Leave out what concerns the part."""
-        parts = {"base": [ActionLayout.BASE], "torso": [ActionLayout.TORSO], "arms": list(ActionLayout.ARM.values())}
+        parts = {"base": [StaticLayout.BASE], "torso": [StaticLayout.TORSO], "arms": list(StaticLayout.ARM.values())}
         kept, action = self._targets, action.copy()
         for part in parts[self._part]:
             action[part] = kept[part]

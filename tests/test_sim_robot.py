@@ -8,7 +8,7 @@ import pytest
 from mpvi_bt.ground.errors import BackendError, NoRenderingDevice
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, CameraImage, Side, StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.world import SimWorld
@@ -27,9 +27,9 @@ def world() -> SimWorld:
 def spread(world: SimWorld) -> Array:
     """An action that bends the torso and stretches both arms, the base at rest."""
     action = world.robot.action
-    action[ActionLayout.TORSO] = (0.4, 0.3, 0.4, 0.6)
+    action[StaticLayout.TORSO] = (0.4, 0.3, 0.4, 0.6)
     for s in SIDES:
-        action[ActionLayout.ARM[s]] = r1.mirrored(SPREAD, s)
+        action[StaticLayout.ARM[s]] = r1.mirrored(SPREAD, s)
     return action
 
 
@@ -43,9 +43,9 @@ def test_it_reaches_a_commanded_posture(world: SimWorld) -> None:
     action = spread(world)
     run(world, action, 2.5)
     felt = world.robot.proprioception()
-    np.testing.assert_allclose(felt.torso, action[ActionLayout.TORSO], atol=0.005)
+    np.testing.assert_allclose(felt.torso, action[StaticLayout.TORSO], atol=0.005)
     for s in SIDES:
-        np.testing.assert_allclose(felt.arm[s], action[ActionLayout.ARM[s]], atol=0.01)
+        np.testing.assert_allclose(felt.arm[s], action[StaticLayout.ARM[s]], atol=0.01)
         np.testing.assert_allclose(felt.arm_velocity[s], 0.0, atol=0.02)
     np.testing.assert_allclose(felt.base_pose, 0.0, atol=0.005)
 
@@ -53,7 +53,7 @@ def test_it_reaches_a_commanded_posture(world: SimWorld) -> None:
 def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     """Chest, tcps and camera links are where forward kinematics of what is felt puts them, to a millimeter."""
     action = spread(world)
-    action[ActionLayout.BASE] = (0.3, 0.2, 0.4)
+    action[StaticLayout.BASE] = (0.3, 0.2, 0.4)
     run(world, action, 1.5)
     felt = world.robot.proprioception()
     T = kin.base(felt.base_pose)
@@ -80,7 +80,7 @@ def test_the_base_keeps_its_velocity(velocity: tuple[float, float, float]) -> No
     """
     world = small_world(base=(0.5, -0.5, 1.0))
     action = world.robot.action
-    action[ActionLayout.BASE] = velocity
+    action[StaticLayout.BASE] = velocity
     run(world, action, 0.7)
     before = world.robot.proprioception().base_pose
     run(world, action, 1.0)
@@ -100,7 +100,7 @@ def test_the_base_keeps_its_velocity(velocity: tuple[float, float, float]) -> No
 def test_the_base_stops_and_stands(world: SimWorld) -> None:
     """Told to hold in full drive it comes to rest within a second and its braking way, and stays there."""
     action = world.robot.action
-    action[ActionLayout.BASE] = (0.8, 0.0, 0.0)
+    action[StaticLayout.BASE] = (0.8, 0.0, 0.0)
     run(world, action, 1.0)
     start = world.robot.proprioception().base_pose
     for _ in range(CONTROL_HZ):
@@ -118,7 +118,7 @@ def test_the_base_does_not_jerk(world: SimWorld) -> None:
     rng, speeds = np.random.default_rng(0), []
     for _ in range(90):
         action = world.robot.action
-        action[ActionLayout.BASE] = rng.uniform(-r1.BASE_SPEED, r1.BASE_SPEED)
+        action[StaticLayout.BASE] = rng.uniform(-r1.BASE_SPEED, r1.BASE_SPEED)
         world.robot.act(action)
         world.step()
         speeds.append(world.robot.proprioception().base_velocity)
@@ -130,7 +130,7 @@ def test_what_is_restored_to_rest_stays_at_rest(world: SimWorld) -> None:
     """A robot that drives, and is brought back to how it stood, stands there: it does not go on driving."""
     saved = world.robot.save()
     action = world.robot.action
-    action[ActionLayout.BASE] = (0.4, 0.2, 0.5)
+    action[StaticLayout.BASE] = (0.4, 0.2, 0.5)
     run(world, action, 0.5)
     world.robot.restore(saved)
     run(world, np.array(saved["action"]), 0.5)
@@ -169,12 +169,12 @@ def test_actions_are_brought_within_the_limits(world: SimWorld, extreme: float) 
     """Whatever is asked for, the command is within speeds, joint limits and -1..1."""
     world.robot.act(np.full(ACTION_SIZE, extreme))
     action = world.robot.action
-    np.testing.assert_allclose(np.abs(action[ActionLayout.BASE]), r1.BASE_SPEED)
+    np.testing.assert_allclose(np.abs(action[StaticLayout.BASE]), r1.BASE_SPEED)
     column = int(extreme > 0)
-    np.testing.assert_allclose(action[ActionLayout.TORSO], r1.TORSO_LIMITS[:, column])
+    np.testing.assert_allclose(action[StaticLayout.TORSO], r1.TORSO_LIMITS[:, column])
     for s in SIDES:
-        np.testing.assert_allclose(action[ActionLayout.ARM[s]], r1.ARM_LIMITS[s][:, column])
-        assert action[ActionLayout.GRIPPER[s]] == np.sign(extreme)
+        np.testing.assert_allclose(action[StaticLayout.ARM[s]], r1.ARM_LIMITS[s][:, column])
+        assert action[StaticLayout.GRIPPER[s]] == np.sign(extreme)
 
 
 def test_acting_copies(world: SimWorld) -> None:
@@ -192,7 +192,7 @@ def test_a_gripper_opens_and_closes_evenly(world: SimWorld, side: Side) -> None:
     action = world.robot.action
     other: Side = "left" if side == "right" else "right"
     for value in (-1.0, 0.0, 1.0):
-        action[ActionLayout.GRIPPER[side]] = value
+        action[StaticLayout.GRIPPER[side]] = value
         run(world, action, 1.0)
         felt = world.robot.proprioception()
         assert felt.gripper_command[side] == value
@@ -209,7 +209,7 @@ def test_a_gripper_opens_and_closes_evenly(world: SimWorld, side: Side) -> None:
 def test_heading_is_wrapped_however_far_it_turns(world: SimWorld) -> None:
     """After turns beyond half a circle the felt heading is still within -pi..pi, and no step of it is a leap."""
     action = world.robot.action
-    action[ActionLayout.BASE] = (0.0, 0.0, 1.5)
+    action[StaticLayout.BASE] = (0.0, 0.0, 1.5)
     yaws = []
     for _ in range(round(10 * CONTROL_HZ)):
         world.robot.act(action)
@@ -258,7 +258,7 @@ def project(image: CameraImage, p: Array) -> tuple[int, int]:
 def test_a_pixel_is_where_the_world_is(pictured: SimWorld) -> None:
     """Points of wall, floor and box come back to a centimeter; the box and nothing else is labeled as the box."""
     action = pictured.robot.action
-    action[ActionLayout.TORSO] = (0.30, 0.0, 0.0, 0.55)
+    action[StaticLayout.TORSO] = (0.30, 0.0, 0.0, 0.55)
     run(pictured, action, 1.0)
     image = pictured.robot.look("head")
     points, labels = image.points_world(), image.labels

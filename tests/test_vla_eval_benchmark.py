@@ -43,7 +43,7 @@ from mpvi_bt.executive.tree.compile import compile_instruction
 from mpvi_bt.ground.errors import BackendError, PolicyError, UnknownName, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import PolicyInputs, demonstrations, make_policy
@@ -88,7 +88,7 @@ def test_a_question_waits_for_its_answer() -> None:
     thread.join(10)
     (chunk,) = results
     np.testing.assert_allclose(chunk[:, 3:], actions[:, 3:])
-    np.testing.assert_allclose(chunk[0, ActionLayout.BASE], actions[0, :3] * [0.75, 0.75, 1.0])
+    np.testing.assert_allclose(chunk[0, StaticLayout.BASE], actions[0, :3] * [0.75, 0.75, 1.0])
     assert relay.note == "reaching for it"
     assert relay.gave_up
 

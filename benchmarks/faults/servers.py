@@ -31,7 +31,7 @@ from mpvi_bt.executive.ticking.loop import Outcome as Played
 from mpvi_bt.executive.ticking.loop import run_episode
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.compile import compile_plan
-from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout
+from mpvi_bt.ground.robot.protocol import SIDES, StaticLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
 
 QUICK: dict[str, Any] = {"connect_s": 2.0, "answer_s": 2.0, "tries": 2, "max_mb": 1}
@@ -105,7 +105,7 @@ def episode(wire: str, address: str) -> tuple[Played, KinematicWorld]:
 
 def _is_still(world: KinematicWorld) -> bool:
     """Whether the robot stays where it is, as it was last told."""
-    if world.robot.action[ActionLayout.BASE].any():
+    if world.robot.action[StaticLayout.BASE].any():
         return False
     before = world.robot.proprioception()
     for _ in range(30):

@@ -13,7 +13,7 @@ from mpvi_bt.finding.perception.detector import ROBOT, Detection, Detector, chec
 from mpvi_bt.ground.errors import BackendError, DetectorError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Checker, Navigator, Policy, Progress, Report
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Robot
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, CameraImage, Robot, StaticLayout
 from mpvi_bt.testing.doubles import KinematicRobot
 
 CAMERAS = ("head", *SIDES)
@@ -58,7 +58,7 @@ def check_robot(robot: Robot, step: Callable[[], None]) -> None:
     robot.hold()
     held = robot.action
     _require(held.shape == (ACTION_SIZE,), "action must be (23,)")
-    _require(not held[ActionLayout.BASE].any(), "hold must command the base to stand still")
+    _require(not held[StaticLayout.BASE].any(), "hold must command the base to stand still")
     held[:] = 99.0
     _require(not np.array_equal(robot.action, held), "action must be a copy")
     before = robot.proprioception()
@@ -212,7 +212,7 @@ def _drive(navigator: Navigator, robot: Robot, step: Callable[[], None], target:
             break
         step()
     navigator.stop()
-    _require(not robot.action[ActionLayout.BASE].any(), "stop must let the base stand still")
+    _require(not robot.action[StaticLayout.BASE].any(), "stop must let the base stand still")
     return report
 
 

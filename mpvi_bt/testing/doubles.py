@@ -21,11 +21,11 @@ from mpvi_bt.ground.robot.protocol import (
     ACTION_SIZE,
     CONTROL_HZ,
     SIDES,
-    ActionLayout,
     CameraImage,
     Proprioception,
     Robot,
     Side,
+    StaticLayout,
 )
 
 _OPEN_M = 0.10  # between its fingers
@@ -43,7 +43,7 @@ class KinematicRobot:
         self._pose = np.zeros(3)
         self._velocity = np.zeros(3)
         self._targets = np.zeros(ACTION_SIZE)
-        self._targets[list(ActionLayout.GRIPPER.values())] = 1.0
+        self._targets[list(StaticLayout.GRIPPER.values())] = 1.0
         self._width: dict[Side, float] = dict.fromkeys(SIDES, _OPEN_M)
         self._arm_velocity = {side: np.zeros(7) for side in SIDES}
         self._torso_velocity = np.zeros(4)
@@ -71,12 +71,12 @@ class KinematicRobot:
         return Proprioception(
             base_pose=self._pose.copy(),
             base_velocity=self._velocity.copy(),
-            torso=self._targets[ActionLayout.TORSO].copy(),
-            arm={side: self._targets[ActionLayout.ARM[side]].copy() for side in SIDES},
+            torso=self._targets[StaticLayout.TORSO].copy(),
+            arm={side: self._targets[StaticLayout.ARM[side]].copy() for side in SIDES},
             arm_velocity={side: self._arm_velocity[side].copy() for side in SIDES},
             gripper_width=dict(self._width),
-            gripper_command={side: float(self._targets[ActionLayout.GRIPPER[side]]) for side in SIDES},
-            arm_command={side: self._targets[ActionLayout.ARM[side]].copy() for side in SIDES},
+            gripper_command={side: float(self._targets[StaticLayout.GRIPPER[side]]) for side in SIDES},
+            arm_command={side: self._targets[StaticLayout.ARM[side]].copy() for side in SIDES},
             torso_velocity=self._torso_velocity.copy(),
             gripper_velocity=dict(self._gripper_velocity),
             open_m=_OPEN_M,
@@ -106,24 +106,24 @@ class KinematicRobot:
     def advance(self, action: Array) -> None:
         """Move for one control step."""
         dt = 1 / CONTROL_HZ
-        vx, vy, turn = self._velocity = action[ActionLayout.BASE].copy()
+        vx, vy, turn = self._velocity = action[StaticLayout.BASE].copy()
         yaw = self._pose[2]
         self._pose += dt * np.array(
             [vx * math.cos(yaw) - vy * math.sin(yaw), vx * math.sin(yaw) + vy * math.cos(yaw), turn]
         )
         self._pose[2] = math.remainder(self._pose[2], math.tau)
         for side in SIDES:
-            arm = ActionLayout.ARM[side]
+            arm = StaticLayout.ARM[side]
             self._arm_velocity[side] = (action[arm] - self._targets[arm]) / dt
             before = self._width[side]
-            wanted = (float(np.clip(action[ActionLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * _OPEN_M
+            wanted = (float(np.clip(action[StaticLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * _OPEN_M
             reach = 0.4 * dt
             width = self._width[side] + float(np.clip(wanted - self._width[side], -reach, reach))
             self._width[side] = max(width, self.between_m[side])
             self._gripper_velocity[side] = (self._width[side] - before) / dt
-        self._torso_velocity = (action[ActionLayout.TORSO] - self._targets[ActionLayout.TORSO]) / dt
+        self._torso_velocity = (action[StaticLayout.TORSO] - self._targets[StaticLayout.TORSO]) / dt
         self._targets = action.copy()
-        self._targets[ActionLayout.BASE] = 0.0
+        self._targets[StaticLayout.BASE] = 0.0
 
 
 class KinematicWorld(StepClock):
@@ -179,7 +179,7 @@ class StraightNavigator:
         speed = min(self._speed, distance * CONTROL_HZ)
         heading = math.atan2(dy, dx) - yaw
         action = self._robot.action
-        action[ActionLayout.BASE] = speed * math.cos(heading), speed * math.sin(heading), 0.0
+        action[StaticLayout.BASE] = speed * math.cos(heading), speed * math.sin(heading), 0.0
         self._robot.act(action)
         return Report(Progress.RUNNING, "", f"driving to {self._target}")
 
@@ -216,13 +216,13 @@ class GripPolicy:
         self._chunks += 1
         body: Proprioception = observation["proprioception"]
         action = np.zeros(ACTION_SIZE)
-        action[ActionLayout.TORSO] = body.torso
+        action[StaticLayout.TORSO] = body.torso
         for side in SIDES:
-            action[ActionLayout.ARM[side]] = body.arm[side]
-            action[ActionLayout.GRIPPER[side]] = body.gripper_command[side]
+            action[StaticLayout.ARM[side]] = body.arm[side]
+            action[StaticLayout.GRIPPER[side]] = body.gripper_command[side]
         if call is not None:
             hand: Side = "left" if call.arguments.get("hand", self._hand) == "left" else "right"
-            action[ActionLayout.GRIPPER[hand]] = -1.0 if call.motion == "pick" else 1.0
+            action[StaticLayout.GRIPPER[hand]] = -1.0 if call.motion == "pick" else 1.0
         return np.tile(action, (self.horizon, 1))
 
 

@@ -14,10 +14,10 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import ActionKind
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 
 DECAY = 0.01  # per step of age; the value that ACT was published with
-_ARMS = np.r_[ActionLayout.ARM["left"], ActionLayout.ARM["right"]]
+_ARMS = np.r_[StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
 _OLDEST = 1024  # our choice: chunks that are kept: more are never averaged
 
 

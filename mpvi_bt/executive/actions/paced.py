@@ -13,7 +13,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, check_rate, command_of, of_kind
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 
 
@@ -103,7 +103,7 @@ class PacedPolicy(WrappedPolicy):
             if len(steps):
                 break
         if pace.rate_hz < to_hz == CONTROL_HZ:
-            base = ActionLayout.BASE
+            base = StaticLayout.BASE
             steps[:, base] = self._ramp.ramped(steps[:, base], self._rows.at, before[base])
         return steps
 

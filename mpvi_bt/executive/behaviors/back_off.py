@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from mpvi_bt.executive.behaviors.node import Leaf
 from mpvi_bt.executive.behaviors.timer import Timer
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 
 
 class BackOff(Leaf):
@@ -37,8 +37,8 @@ class BackOff(Leaf):
         if not trail or (self._timer is not None and self._timer.is_up(context.clock)):
             return Status.SUCCESS
         was, action = trail.pop(), robot.action.copy()
-        action[ActionLayout.BASE] = 0.0
-        for part in (ActionLayout.TORSO, *ActionLayout.ARM.values()):
+        action[StaticLayout.BASE] = 0.0
+        for part in (StaticLayout.TORSO, *StaticLayout.ARM.values()):
             action[part] = was[part]
         robot.act(action)
         self.feedback_message = "arms back along their way"

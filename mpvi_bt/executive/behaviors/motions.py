@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from mpvi_bt.executive.behaviors.node import Leaf
 from mpvi_bt.executive.behaviors.saved_state import number
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.stow import ArmStow
 
@@ -128,6 +128,6 @@ class LookAround(Leaf):
         self._speed = min(self._speed + _TURN_RAD_S2 / CONTROL_HZ, _TURN_RAD_S, braking, _LAST_PER_S * abs(left))
         robot.hold()
         action = robot.action
-        action[ActionLayout.BASE] = 0.0, 0.0, math.copysign(self._speed, left)
+        action[StaticLayout.BASE] = 0.0, 0.0, math.copysign(self._speed, left)
         robot.act(action)
         return Status.RUNNING

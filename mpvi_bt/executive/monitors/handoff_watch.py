@@ -13,7 +13,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.grip import GripWatch
 from mpvi_bt.ground.robot.limits import within_limits
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, Side, StaticLayout
 
 _CLIPPED = 1e-3  # [m, rad, m/s]: what is brought within the limits by less is no more than noise
 _DIGITS = 3
@@ -125,13 +125,13 @@ class HandoffWatch:
 
     def _as_told(self, felt: Proprioception, wanted: Array) -> Proprioception:
         """The robot as if it had done what it was told from the first step on."""
-        self._told_base = self._told_base + wanted[ActionLayout.BASE] / CONTROL_HZ  # turned wrongly: its length counts
+        self._told_base = self._told_base + wanted[StaticLayout.BASE] / CONTROL_HZ  # turned wrongly: its length counts
         return replace(
             felt,
             base_pose=self._told_base,
-            torso=wanted[ActionLayout.TORSO],
-            arm={side: wanted[ActionLayout.ARM[side]] for side in felt.sides},
-            gripper_width={s: (wanted[ActionLayout.GRIPPER[s]] + 1.0) / 2 * felt.open_m for s in felt.sides},
+            torso=wanted[StaticLayout.TORSO],
+            arm={side: wanted[StaticLayout.ARM[side]] for side in felt.sides},
+            gripper_width={s: (wanted[StaticLayout.GRIPPER[s]] + 1.0) / 2 * felt.open_m for s in felt.sides},
         )
 
     def _clipped_at(self) -> dict[str, int]:
@@ -144,11 +144,11 @@ class HandoffWatch:
 def _names() -> list[str]:
     """Each number of an action, for a person."""
     names = ["base forward", "base sideways", "base turn", *[""] * (ACTION_SIZE - 3)]
-    parts = [("torso joint", ActionLayout.TORSO), *((f"{s} arm joint", arm) for s, arm in ActionLayout.ARM.items())]
+    parts = [("torso joint", StaticLayout.TORSO), *((f"{s} arm joint", arm) for s, arm in StaticLayout.ARM.items())]
     for name, where in parts:
         for number, i in enumerate(range(ACTION_SIZE)[where], 1):
             names[i] = f"{name} {number}"
-    for side, i in ActionLayout.GRIPPER.items():
+    for side, i in StaticLayout.GRIPPER.items():
         names[i] = f"{side} gripper"
     return names
 

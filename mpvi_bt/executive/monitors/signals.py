@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, StaticLayout
 
 SIGNALS = ("reversals", "disagreement", "stall", "grip")
 SAMPLE_S = 0.5  # between two samples of the signals. Our choice: a grasp takes about that long
@@ -45,7 +45,7 @@ class Signals:
 
     def __init__(self, felt: Proprioception, parameters: SignalParameters | None = None) -> None:
         self._parameters = parameters or SignalParameters()
-        self._arms = np.concatenate([np.arange(23)[ActionLayout.ARM[side]] for side in felt.sides])
+        self._arms = np.concatenate([np.arange(23)[StaticLayout.ARM[side]] for side in felt.sides])
         self._told: Array | None = None
         self._ways = np.zeros(len(self._arms))
         steps = round(self._parameters.window_s * CONTROL_HZ)

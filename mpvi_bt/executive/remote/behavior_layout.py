@@ -20,7 +20,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.rotations import matrices, rotation
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Proprioception, Side, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 
 Dialect = Literal["behavior-2025", "behavior-2026"]
@@ -240,7 +240,7 @@ def pose_in_world(fields: Mapping[str, Array]) -> Array | None:
 def action_from(theirs: Array) -> Array:
     """(..., 23) our action of BEHAVIOR's, for an R1Pro: the base's part is clipped to -1..1 and scaled."""
     ours = np.array(theirs, float)
-    ours[..., ActionLayout.BASE] = np.clip(ours[..., ActionLayout.BASE], -1.0, 1.0) * BASE_UNITS
+    ours[..., StaticLayout.BASE] = np.clip(ours[..., StaticLayout.BASE], -1.0, 1.0) * BASE_UNITS
     return ours
 
 
@@ -248,7 +248,7 @@ def action_for(ours: Array) -> Array:
     """(..., 23) our action as BEHAVIOR's, for an R1Pro; base speeds are clipped to the limits."""
     theirs = np.array(ours, float)
     assert theirs.shape[-1] == ACTION_SIZE
-    theirs[..., ActionLayout.BASE] = np.clip(theirs[..., ActionLayout.BASE] / BASE_UNITS, -1.0, 1.0)
+    theirs[..., StaticLayout.BASE] = np.clip(theirs[..., StaticLayout.BASE] / BASE_UNITS, -1.0, 1.0)
     return theirs
 
 

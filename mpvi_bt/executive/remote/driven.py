@@ -25,7 +25,7 @@ from mpvi_bt.executive.remote.server import Given, Promise, Refused
 from mpvi_bt.ground.errors import BadMessage, MpviError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 
 # Plays an episode that begins with an observation, in its world; what became of it, in a line.
 Play = Callable[[Reading, RemoteWorld], str]
@@ -131,7 +131,7 @@ class DrivenSession:
         """Answer the open observation: the base stands, every joint keeps its target."""
         assert world is not None
         action = world.robot.action
-        action[ActionLayout.BASE] = 0.0
+        action[StaticLayout.BASE] = 0.0
         try:
             count = self._read().steps
         except BadMessage:

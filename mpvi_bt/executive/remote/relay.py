@@ -21,7 +21,7 @@ from mpvi_bt.executive.remote.wire_mapping import actions_of
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import ActionKind, check_rate, command_of
-from mpvi_bt.ground.robot.protocol import ActionLayout, Proprioception
+from mpvi_bt.ground.robot.protocol import Proprioception, StaticLayout
 
 
 class Stopped(KeyboardInterrupt):
@@ -114,7 +114,7 @@ class Relay:
         """Answer the last question without a reply, for a step: the base stands, joints go on to their last targets."""
         assert self._felt is not None
         action = (command_of(self._felt) if self._last is None else self._last).copy()
-        action[ActionLayout.BASE] = 0.0
+        action[StaticLayout.BASE] = 0.0
         self._answers.put(action[None])
 
     def over(self) -> None:

@@ -21,7 +21,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import StepClock
 from mpvi_bt.ground.robot.limits import commanded, travel_action
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception, StaticLayout
 
 # Our choice: twice as far as any robot here goes in a step at its top speed, and no rounding or noise comes near.
 _JUMP_M, _JUMP_RAD = 0.3, 0.9
@@ -64,7 +64,7 @@ class RemoteRobot:
 
     def hold(self) -> None:
         """Stand still; every joint keeps its target."""
-        self._action[ActionLayout.BASE] = 0.0
+        self._action[StaticLayout.BASE] = 0.0
 
     def proprioception(self) -> Proprioception:
         """What was felt last."""
@@ -98,8 +98,8 @@ class RemoteRobot:
             told,
             base_pose=pose,
             gripper_command=told.gripper_command
-            or {side: float(action[ActionLayout.GRIPPER[side]]) for side in told.sides},
-            arm_command=told.arm_command or {side: action[ActionLayout.ARM[side]].copy() for side in told.sides},
+            or {side: float(action[StaticLayout.GRIPPER[side]]) for side in told.sides},
+            arm_command=told.arm_command or {side: action[StaticLayout.ARM[side]].copy() for side in told.sides},
             robot=self.model.name,
             open_m=self.model.hand.opening_m,
         )
@@ -109,15 +109,15 @@ class RemoteRobot:
     def foresee(self) -> None:
         """Assume a commanded step without an observation; pictures stay as they are."""
         body, action = self._body, self._action
-        arms = {side: action[ActionLayout.ARM[side]].copy() for side in body.sides}
+        arms = {side: action[StaticLayout.ARM[side]].copy() for side in body.sides}
         self._body = replace(
             body,
-            base_pose=moved(body.base_pose, action[ActionLayout.BASE], 1 / CONTROL_HZ),
-            base_velocity=action[ActionLayout.BASE].copy(),
-            torso=action[ActionLayout.TORSO].copy(),
+            base_pose=moved(body.base_pose, action[StaticLayout.BASE], 1 / CONTROL_HZ),
+            base_velocity=action[StaticLayout.BASE].copy(),
+            torso=action[StaticLayout.TORSO].copy(),
             arm=arms,
             arm_velocity={side: (arms[side] - body.arm[side]) * CONTROL_HZ for side in body.sides},
-            gripper_command={side: float(action[ActionLayout.GRIPPER[side]]) for side in body.sides},
+            gripper_command={side: float(action[StaticLayout.GRIPPER[side]]) for side in body.sides},
             arm_command=arms,
         )
 
@@ -171,18 +171,18 @@ def _first_command(model: RobotModel, first: Reading) -> Array:
     """
     if first.command is not None:
         command = commanded(model, first.command)
-        command[ActionLayout.BASE] = 0.0
+        command[StaticLayout.BASE] = 0.0
         return command
     start, body = travel_action(model), first.body
     command = start.copy()
-    parts: list[tuple[slice, Array]] = [(ActionLayout.TORSO, body.torso)]
-    parts += [(ActionLayout.ARM[side], body.arm[side]) for side in body.sides]
+    parts: list[tuple[slice, Array]] = [(StaticLayout.TORSO, body.torso)]
+    parts += [(StaticLayout.ARM[side], body.arm[side]) for side in body.sides]
     for part, felt in parts:
         command[part] = np.where(np.abs(felt - start[part]) < _START_RAD, start[part], felt)
     for side in body.sides:
         # In tenths: fingers are never quite where they were told to be.
         opening = round(body.gripper_width[side] / model.hand.opening_m, 1)
-        command[ActionLayout.GRIPPER[side]] = np.clip(2 * opening - 1, -1.0, 1.0)
+        command[StaticLayout.GRIPPER[side]] = np.clip(2 * opening - 1, -1.0, 1.0)
     return command
 
 

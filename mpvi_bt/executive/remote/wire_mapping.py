@@ -15,18 +15,18 @@ from mpvi_bt.executive.remote.retargeting import from_r1pro
 from mpvi_bt.ground.errors import PolicyError, shown, with_article
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 
 _ANSWERED = {"settings such as openpi_comet or mpvi": "actions", "settings such as behavior_2026": "action"}  # keys
 MOST_ACTIONS = 1024  # of a chunk: half a minute without a look
 _OURS: Mapping[str, slice] = {
-    "base_velocity": ActionLayout.BASE,
-    "torso": ActionLayout.TORSO,
-    "arm_left": ActionLayout.ARM["left"],
-    "arm_right": ActionLayout.ARM["right"],
-    "gripper_command_left": slice(ActionLayout.GRIPPER["left"], ActionLayout.GRIPPER["left"] + 1),
-    "gripper_command_right": slice(ActionLayout.GRIPPER["right"], ActionLayout.GRIPPER["right"] + 1),
+    "base_velocity": StaticLayout.BASE,
+    "torso": StaticLayout.TORSO,
+    "arm_left": StaticLayout.ARM["left"],
+    "arm_right": StaticLayout.ARM["right"],
+    "gripper_command_left": slice(StaticLayout.GRIPPER["left"], StaticLayout.GRIPPER["left"] + 1),
+    "gripper_command_right": slice(StaticLayout.GRIPPER["right"], StaticLayout.GRIPPER["right"] + 1),
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout, Robot
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Robot, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 
 
@@ -76,10 +76,10 @@ def _move(robot: Robot, how: Nod, to: float) -> Iterator[None]:
             return
         robot.hold()
         action = robot.action.copy()
-        told = action[ActionLayout.TORSO]
+        told = action[StaticLayout.TORSO]
         posture = trunk.posture(told)
         step = how.rate / CONTROL_HZ
         posture[how.part] += float(np.clip(to - posture[how.part], -step, step))
-        action[ActionLayout.TORSO] = trunk.joints(posture, near=told)
+        action[StaticLayout.TORSO] = trunk.joints(posture, near=told)
         robot.act(action)
         yield

@@ -24,19 +24,19 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import largest_step
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, StaticLayout
 from mpvi_bt.ground.robot.trunk import LiftTrunk
 
 ActionKind = Literal["absolute", "delta", "velocity"]
 KINDS: tuple[ActionKind, ...] = get_args(ActionKind)
 LEAST_HZ, MOST_HZ = 1.0, 1000.0  # Our choice: no policy acts once in more than a second, none is asked for more
 _PARTS: Mapping[str, slice] = {
-    "torso": ActionLayout.TORSO,
-    **{f"{side} arm": arm for side, arm in ActionLayout.ARM.items()},
+    "torso": StaticLayout.TORSO,
+    **{f"{side} arm": arm for side, arm in StaticLayout.ARM.items()},
 }
 _NAMES = {i: f"{part} joint {i - where.start + 1}" for part, where in _PARTS.items() for i in range(ACTION_SIZE)[where]}
 _JOINTS = np.array(list(_NAMES))
-_GRIPPERS = list(ActionLayout.GRIPPER.values())
+_GRIPPERS = list(StaticLayout.GRIPPER.values())
 
 
 def check_rate(given: float) -> float:
@@ -90,7 +90,7 @@ class Resampler:
             self.at.append(last)
             steps[k] = self._rows[last]
             if last > first or end - begin < step:
-                steps[k, ActionLayout.BASE] = self._twist(begin, end, step, 1 / to_hz)
+                steps[k, StaticLayout.BASE] = self._twist(begin, end, step, 1 / to_hz)
             steps[k, _JOINTS] = self._targets(end, last, before)[_JOINTS]
             commands = self._rows[first : last + 1, _GRIPPERS]
             farthest = np.abs(commands - told).argmax(0)
@@ -104,7 +104,7 @@ class Resampler:
         parts = range(math.floor(begin), math.ceil(end))
         cuts = [begin, *map(Fraction, parts[1:]), end]
         seconds = [float((until - since) / step) * step_s for since, until in pairwise(cuts)]
-        return composed(self._rows[parts.start : parts.stop, ActionLayout.BASE], seconds, step_s)
+        return composed(self._rows[parts.start : parts.stop, StaticLayout.BASE], seconds, step_s)
 
     def _targets(self, at: Fraction, row: int, before: Array) -> Array:
         """(23,) on the straight line to a row from the one before."""
@@ -157,7 +157,7 @@ def as_absolute(rows: Array, kind: ActionKind, rate_hz: float, before: Array, ro
     over = np.abs(by) - most * (1 + 1e-9)
     if (over > 0).any():
         row, joint = np.unravel_index(int(over.argmax()), over.shape)
-        unit = "m" if _JOINTS[joint] == ActionLayout.TORSO.start and isinstance(robot.trunk, LiftTrunk) else "rad"
+        unit = "m" if _JOINTS[joint] == StaticLayout.TORSO.start and isinstance(robot.trunk, LiftTrunk) else "rad"
         unit += "/s" if kind == "velocity" else f" in a row of {1 / rate_hz:.3g} s"
         raise PolicyError(
             "bad_reply",
@@ -182,10 +182,10 @@ def of_kind(rows: Array, kind: ActionKind, rate_hz: float, before: Array) -> Arr
 def command_of(body: Proprioception) -> Array:
     """(23,) the command in force, the base at rest: joint targets where the robot tells them, else its joints."""
     action = np.zeros(ACTION_SIZE)
-    action[ActionLayout.TORSO] = body.torso
+    action[StaticLayout.TORSO] = body.torso
     for side in body.sides:
-        action[ActionLayout.ARM[side]] = body.arm_command.get(side, body.arm[side])
-        action[ActionLayout.GRIPPER[side]] = body.gripper_command[side]
+        action[StaticLayout.ARM[side]] = body.arm_command.get(side, body.arm[side])
+        action[StaticLayout.GRIPPER[side]] = body.gripper_command[side]
     return action
 
 

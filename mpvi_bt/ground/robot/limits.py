@@ -9,7 +9,7 @@ import numpy as np
 from mpvi_bt.ground.errors import BackendError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
 
 # Our choice: targets may run ahead of the joints, as those of learned policies do, so that a step may be three times
 # what a joint does at its top speed; the base ramps its speed up by itself, and a gripper may be told to shut at once.
@@ -21,8 +21,8 @@ BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk
 def largest_step(robot: RobotModel) -> Array:
     """(23,) how far targets of two steps in a row may be apart; infinite for base and grippers."""
     step = np.full(ACTION_SIZE, np.inf)
-    step[ActionLayout.TORSO] = _AHEAD / CONTROL_HZ * robot.top_speed[:4]
-    for arm in ActionLayout.ARM.values():
+    step[StaticLayout.TORSO] = _AHEAD / CONTROL_HZ * robot.top_speed[:4]
+    for arm in StaticLayout.ARM.values():
         step[arm] = _AHEAD / CONTROL_HZ * robot.top_speed[4:]
     return step
 
@@ -31,11 +31,11 @@ def largest_step(robot: RobotModel) -> Array:
 def extremes(robot: RobotModel) -> tuple[Array, Array]:
     """(23,) the lowest and (23,) the highest of each number of a robot's action: 0 of what it does not have."""
     lowest, highest = np.zeros(ACTION_SIZE), np.zeros(ACTION_SIZE)
-    lowest[ActionLayout.BASE], highest[ActionLayout.BASE] = -robot.base_speed, robot.base_speed
-    lowest[ActionLayout.TORSO], highest[ActionLayout.TORSO] = robot.torso_limits.T
+    lowest[StaticLayout.BASE], highest[StaticLayout.BASE] = -robot.base_speed, robot.base_speed
+    lowest[StaticLayout.TORSO], highest[StaticLayout.TORSO] = robot.torso_limits.T
     for side, arm in robot.arms.items():
-        lowest[ActionLayout.ARM[side]], highest[ActionLayout.ARM[side]] = arm.limits.T
-        lowest[ActionLayout.GRIPPER[side]], highest[ActionLayout.GRIPPER[side]] = -1.0, 1.0
+        lowest[StaticLayout.ARM[side]], highest[StaticLayout.ARM[side]] = arm.limits.T
+        lowest[StaticLayout.GRIPPER[side]], highest[StaticLayout.GRIPPER[side]] = -1.0, 1.0
     return lowest, highest
 
 
@@ -72,8 +72,8 @@ def commanded(robot: RobotModel, action: Array) -> Array:
 def travel_action(robot: RobotModel) -> Array:
     """(23,) the command for standing in the travel posture, hands open."""
     action = np.zeros(ACTION_SIZE)
-    action[ActionLayout.TORSO] = robot.travel_torso
+    action[StaticLayout.TORSO] = robot.travel_torso
     for s in robot.sides:
-        action[ActionLayout.ARM[s]] = robot.travel_arm[s]
-        action[ActionLayout.GRIPPER[s]] = 1.0
+        action[StaticLayout.ARM[s]] = robot.travel_arm[s]
+        action[StaticLayout.GRIPPER[s]] = 1.0
     return action

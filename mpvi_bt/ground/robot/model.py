@@ -18,10 +18,10 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.import_paths import imported
 from mpvi_bt.ground.robot import arms
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.arms import Arm
 from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.hand import Hand
-from mpvi_bt.ground.robot.layout import ActionLayout
 from mpvi_bt.ground.robot.mobile_base import MobileBase
 from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.trunk import LiftTrunk, Trunk

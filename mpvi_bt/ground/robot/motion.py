@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry.rotations import angle, between, matrices, quaterni
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 from mpvi_bt.ground.robot.collision import Body
 from mpvi_bt.ground.robot.drives import in_base_frame, legs
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, Side, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.squeeze import squeezes
 from mpvi_bt.ground.robot.timing import schedule, timed
@@ -91,18 +91,18 @@ class Motion:
         """Start from a robot as it stands."""
         self.felt, self.robot, self.bumps = felt, robot_named(felt.robot), list[Solid]()
         self.action = np.zeros(ACTION_SIZE)
-        self.action[ActionLayout.TORSO] = felt.torso
+        self.action[StaticLayout.TORSO] = felt.torso
         for s in felt.sides:
             told = felt.arm_command.get(s, felt.arm[s])
             # An arm that presses against something goes on pressing: two hands hold a box by nothing else.
             pressing = np.abs(told - felt.arm[s]).max() < _PRESSING_RAD
-            self.action[ActionLayout.ARM[s]] = told if pressing else felt.arm[s]
-            self.action[ActionLayout.GRIPPER[s]] = felt.gripper_command[s]
+            self.action[StaticLayout.ARM[s]] = told if pressing else felt.arm[s]
+            self.action[StaticLayout.GRIPPER[s]] = felt.gripper_command[s]
 
     @property
     def torso(self) -> Array:
         """(4,) commanded torso."""
-        return self.action[ActionLayout.TORSO].copy()
+        return self.action[StaticLayout.TORSO].copy()
 
     @property
     def posture(self) -> Array:
@@ -119,7 +119,7 @@ class Motion:
 
     def arm(self, side: Side) -> Array:
         """(7,) commanded posture of an arm."""
-        return self.action[ActionLayout.ARM[side]].copy()
+        return self.action[StaticLayout.ARM[side]].copy()
 
     def hand(self, side: Side) -> Array:
         """T_base_tcp (4, 4) as commanded."""
@@ -136,7 +136,7 @@ class Motion:
 
     def grip(self, side: Side, value: float, seconds: float = 0.6) -> Actions:
         """Move a gripper to `value` (-1 closed ... 1 open) at an even pace: fast fingers bat light things away."""
-        i = ActionLayout.GRIPPER[side]
+        i = StaticLayout.GRIPPER[side]
         start, n = self.action[i], max(1, round(seconds * CONTROL_HZ))
         for k in range(1, n + 1):
             self.action[i] = start + (value - start) * k / n
@@ -154,7 +154,7 @@ class Motion:
         watch = _Watch(self, [side])
         acceleration = self._acceleration(side) if gently else self.robot.arm_acceleration
         for q in timed(path, np.minimum(self.robot.arm_speed, speed), acceleration):
-            self.action[ActionLayout.ARM[side]] = q
+            self.action[StaticLayout.ARM[side]] = q
             yield self.still()
             yield from watch.look()
         for _ in range(20):
@@ -204,15 +204,15 @@ class Motion:
                 i = min(int(place), n - 1)
                 near = postures[i] + (postures[i + 1] - postures[i]) * (place - i)
                 # From where the torso really is: under a load it gives way.
-                self.action[ActionLayout.ARM[side]] = self._reached(side, pose(float(place) / n), near[:7])
+                self.action[StaticLayout.ARM[side]] = self._reached(side, pose(float(place) / n), near[:7])
                 yield self.still()
                 if watch.touched():
-                    self.action[ActionLayout.ARM[side]] = self.felt.arm[side]
+                    self.action[StaticLayout.ARM[side]] = self.felt.arm[side]
                     yield self.still()
                     return True
                 yield from watch.look()
         for _ in range(4):
-            self.action[ActionLayout.ARM[side]] = self._reached(side, T_base_tcp, self.arm(side))
+            self.action[StaticLayout.ARM[side]] = self._reached(side, T_base_tcp, self.arm(side))
             yield self.still()
             yield from watch.look()
         return watch.touched()
@@ -241,9 +241,9 @@ class Motion:
         watch = _Watch(self, list(arms), give_rad, torso=True)
         rows = timed(np.concatenate(columns, 1), np.concatenate(speeds), np.concatenate(accelerations))
         for row in rows:
-            self.action[ActionLayout.TORSO] = row[:4]
+            self.action[StaticLayout.TORSO] = row[:4]
             for i, side in enumerate(arms):
-                self.action[ActionLayout.ARM[side]] = row[4 + 7 * i : 11 + 7 * i]
+                self.action[StaticLayout.ARM[side]] = row[4 + 7 * i : 11 + 7 * i]
             yield self.still()
             yield from watch.look()
         if len(rows):
@@ -332,12 +332,12 @@ class Motion:
 
     def still(self) -> Array:
         """The present command, the base standing."""
-        self.action[ActionLayout.BASE] = 0.0
+        self.action[StaticLayout.BASE] = 0.0
         return self.action.copy()
 
     def _moving(self, velocity_world: Array) -> Array:
         yaw = float(self.felt.base_pose[2])
-        self.action[ActionLayout.BASE] = in_base_frame(self.robot, velocity_world, yaw)
+        self.action[StaticLayout.BASE] = in_base_frame(self.robot, velocity_world, yaw)
         return self.action.copy()
 
 
@@ -370,10 +370,10 @@ class _Watch:
         motion = self._motion
         for _ in range(_RELEASED):  # at once it would spring back, and fling what is held
             for side in self._sides:
-                arm = ActionLayout.ARM[side]
+                arm = StaticLayout.ARM[side]
                 motion.action[arm] += 0.3 * (motion.felt.arm[side] - self._off[side] - motion.action[arm])
             if self._torso:
-                torso = ActionLayout.TORSO
+                torso = StaticLayout.TORSO
                 motion.action[torso] += 0.3 * (motion.felt.torso - self._off["torso"] - motion.action[torso])
             yield motion.still()
         raise MotionFailure(reasons[0])

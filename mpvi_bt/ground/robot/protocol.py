@@ -24,7 +24,7 @@ def other(side: Side) -> Side:
     return "left" if side == "right" else "right"
 
 
-class ActionLayout:
+class StaticLayout:
     """Slices of the 23-number action, in BEHAVIOR's order. What a robot does not have is 0 in it.
 
     Attributes:
@@ -48,7 +48,7 @@ class Proprioception:
     Attributes:
         base_pose: (3,) x, y [m] and yaw [rad, -pi..pi] in the world (Paper, Navigation: localization is assumed).
         base_velocity: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
-        torso: (4,) its joints, as in `ActionLayout`.
+        torso: (4,) its joints, as in `StaticLayout`.
         arm: (7,) joint angles [rad] of each arm; a robot with one has it on the "right".
         arm_velocity: (7,) [rad/s] of each arm.
         gripper_width: Opening between the fingers [m], 0 to `open_m`, of each hand.

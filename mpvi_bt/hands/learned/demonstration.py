@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, ActionLayout, Proprioception, Robot, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, Proprioception, Robot, Side, StaticLayout
 from mpvi_bt.hands.learned import mirroring
 from mpvi_bt.hands.learned.learned_motions import LearnedMotion
 from mpvi_bt.hands.learned.points import PointMemory
@@ -32,7 +32,7 @@ class Demonstration:
     Attributes:
         base: (n, 3) believed base pose x, y [m], yaw [rad].
         velocity: (n, 3) of the base in its frame [m/s, rad/s].
-        torso: (n, 4) joints, as in `ActionLayout`.
+        torso: (n, 4) joints, as in `StaticLayout`.
         arm: (n, 7) joints [rad].
         width: (n,) between the fingers [m].
         action: (n, 23) commanded.
@@ -111,7 +111,7 @@ def record(
             if memory.seen:
                 rows["points"].append(memory.sample())
         action = policy.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0]
-        sees = motion.sees(float(action[ActionLayout.GRIPPER[side]]))
+        sees = motion.sees(float(action[StaticLayout.GRIPPER[side]]))
         for name, value in _felt(felt, side).items():
             rows[name].append(value)
         rows["action"].append(action)
@@ -129,7 +129,7 @@ def find(robot: Robot, step: Callable[[Array], None], memory: PointMemory, side:
         if memory.seen:
             return True
         action = robot.action
-        action[ActionLayout.TORSO.stop - 1] = tilt
+        action[StaticLayout.TORSO.stop - 1] = tilt
         for _ in range(TILT_STEPS):
             step(action)
         memory.look(robot.look("head"), robot.look(side))

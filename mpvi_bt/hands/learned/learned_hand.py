@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ActionLayout, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import Proprioception, Side, StaticLayout
 from mpvi_bt.hands.learned import mirroring
 from mpvi_bt.hands.learned.features import Moments
 from mpvi_bt.hands.learned.mirroring import SIDE
@@ -19,10 +19,10 @@ class LearnedHand:
         self.side = side
         self.feel(felt)
         self.action = np.zeros(23)
-        self.action[ActionLayout.TORSO] = felt.torso
+        self.action[StaticLayout.TORSO] = felt.torso
         for s in felt.sides:
-            self.action[ActionLayout.ARM[s]] = felt.arm_command.get(s, felt.arm[s])
-            self.action[ActionLayout.GRIPPER[s]] = felt.gripper_command[s]
+            self.action[StaticLayout.ARM[s]] = felt.arm_command.get(s, felt.arm[s])
+            self.action[StaticLayout.GRIPPER[s]] = felt.gripper_command[s]
 
     def feel(self, felt: Proprioception) -> None:
         """Take in what is felt now."""
@@ -40,13 +40,13 @@ class LearnedHand:
     def now(self) -> Moments:
         """What it feels, and the commands in force: one moment."""
         felt, told = self.felt, self.action
-        base, speed, torso, told_torso = felt.base_pose, felt.base_velocity, felt.torso, told[ActionLayout.TORSO]
-        arm, told_arm = felt.arm[self.side], told[ActionLayout.ARM[self.side]]
+        base, speed, torso, told_torso = felt.base_pose, felt.base_velocity, felt.torso, told[StaticLayout.TORSO]
+        arm, told_arm = felt.arm[self.side], told[StaticLayout.ARM[self.side]]
         if self.mirrored:
             base, speed = mirroring.base(base), mirroring.base(speed)
             torso, told_torso = mirroring.torso(torso), mirroring.torso(told_torso)
             arm, told_arm = mirroring.arm(arm), mirroring.arm(told_arm)
-        width, grip = felt.gripper_width[self.side], told[ActionLayout.GRIPPER[self.side]]
+        width, grip = felt.gripper_width[self.side], told[StaticLayout.GRIPPER[self.side]]
         rows = (base, torso, arm, np.array(width), speed, told_torso, told_arm, np.array(grip))
         return Moments(*(np.asarray(row, float)[None] for row in rows))
 
@@ -60,16 +60,16 @@ class LearnedHand:
         """
         if self.mirrored:
             base, torso, arm = mirroring.base(base), mirroring.torso(torso), mirroring.arm(arm)
-        self.action[ActionLayout.BASE], self.action[ActionLayout.TORSO] = base, torso
-        self.action[ActionLayout.ARM[self.side]], self.action[ActionLayout.GRIPPER[self.side]] = arm, grip
+        self.action[StaticLayout.BASE], self.action[StaticLayout.TORSO] = base, torso
+        self.action[StaticLayout.ARM[self.side]], self.action[StaticLayout.GRIPPER[self.side]] = arm, grip
         return self.action.copy()
 
     def still(self, steps: int, grip: float | None = None) -> Array:
         """(steps, 23) standing still; the fingers come to `grip` bit by bit."""
-        now = self.action[ActionLayout.GRIPPER[self.side]]
-        self.action[ActionLayout.BASE] = 0.0
+        now = self.action[StaticLayout.GRIPPER[self.side]]
+        self.action[StaticLayout.BASE] = 0.0
         rows = np.repeat(self.action[None], steps, 0)
         if grip is not None:
-            rows[:, ActionLayout.GRIPPER[self.side]] = now + (grip - now) * np.arange(1, steps + 1) / steps
+            rows[:, StaticLayout.GRIPPER[self.side]] = now + (grip - now) * np.arange(1, steps + 1) / steps
             self.action = rows[-1].copy()
         return rows

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
 from mpvi_bt.hands.robots.r1 import R1, mirrored
 
 BODY = R1
@@ -41,9 +41,9 @@ def points(points: Array) -> Array:
 def action(action: Array) -> Array:
     """(..., 23) actions: what is told to one arm and hand is told to the other."""
     out = np.array(action, float)
-    out[..., ActionLayout.BASE] = base(action[..., ActionLayout.BASE])
-    out[..., ActionLayout.TORSO] = torso(action[..., ActionLayout.TORSO])
+    out[..., StaticLayout.BASE] = base(action[..., StaticLayout.BASE])
+    out[..., StaticLayout.TORSO] = torso(action[..., StaticLayout.TORSO])
     for side, other in zip(SIDES, reversed(SIDES), strict=True):
-        out[..., ActionLayout.ARM[side]] = arm(action[..., ActionLayout.ARM[other]])
-        out[..., ActionLayout.GRIPPER[side]] = action[..., ActionLayout.GRIPPER[other]]
+        out[..., StaticLayout.ARM[side]] = arm(action[..., StaticLayout.ARM[other]])
+        out[..., StaticLayout.GRIPPER[side]] = action[..., StaticLayout.GRIPPER[other]]
     return out

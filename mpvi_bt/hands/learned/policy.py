@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import NO_SKILL
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, SIDES, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, SIDES, CameraImage, Proprioception, Side, StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.learned.acting import CHUNK, ahead, chunk, propose, rebased, there
 from mpvi_bt.hands.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
@@ -109,7 +109,7 @@ class LearnedPolicy:
             self.ended, self.gave_up, self._wanted = True, True, ()
             if self._told is None:
                 self._told = LearnedHand(SIDES[1], self._felt).still(1)[-1]
-            self._told[ActionLayout.BASE] = 0.0
+            self._told[StaticLayout.BASE] = 0.0
             actions = self._told[None].copy()
         self._told = actions[-1].copy()
         return actions
@@ -157,7 +157,7 @@ class LearnedPolicy:
         body = LearnedHand(SIDES[1], self._felt)
         for tilt in HEAD_TILTS_RAD:
             rows = body.still(TILT_STEPS)
-            rows[:, ActionLayout.TORSO.stop - 1] = tilt
+            rows[:, StaticLayout.TORSO.stop - 1] = tilt
             body.action = rows[-1].copy()
             yield rows
             if self._looked(memory, motion):

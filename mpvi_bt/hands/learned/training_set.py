@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ActionLayout
+from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.learned.demonstration import Demonstration
 from mpvi_bt.hands.learned.features import Moments
 from mpvi_bt.hands.learned.learned_motions import MOTIONS
@@ -69,7 +69,7 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
             tell(f"{path}: left out: {str(error).removeprefix(f'{path}: ')}")
             continue
         kept = _moving(shown)
-        now, grip = _moments(shown, kept), shown.action[kept, ActionLayout.GRIPPER["right"]]
+        now, grip = _moments(shown, kept), shown.action[kept, StaticLayout.GRIPPER["right"]]
         events = _events(grip, MOTIONS[skill].opens)
         if not len(events) or not len(shown.points):
             tell(f"{path}: left out, as the hand does nothing in it, or sees nothing")
@@ -114,8 +114,8 @@ def _moments(shown: Demonstration, kept: NDArray[np.intp]) -> Moments:
     told = shown.action[np.concatenate([kept[:1], kept[:-1]])]  # in force when a frame is seen
     felt = (shown.base, shown.torso, shown.arm, shown.width, shown.velocity)
     base, torso, arm, width, velocity = (column[kept].astype(float) for column in felt)
-    right = ActionLayout.ARM["right"], ActionLayout.GRIPPER["right"]
-    return Moments(base, torso, arm, width, velocity, told[:, ActionLayout.TORSO], told[:, right[0]], told[:, right[1]])
+    right = StaticLayout.ARM["right"], StaticLayout.GRIPPER["right"]
+    return Moments(base, torso, arm, width, velocity, told[:, StaticLayout.TORSO], told[:, right[0]], told[:, right[1]])
 
 
 def _events(grip: Array, opening: bool) -> NDArray[np.intp]:

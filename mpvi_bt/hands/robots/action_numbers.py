@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from mpvi_bt.ground.robot.layout import ActionLayout
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.protocol import Side
 
 _ARM: Mapping[Side, slice] = {"left": slice(7, 14), "right": slice(15, 22)}

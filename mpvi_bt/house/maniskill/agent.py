@@ -26,7 +26,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import extremes
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, Side, StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.house.maniskill.drive_tensors import DrivenR1, Drives
 from mpvi_bt.house.maniskill.scene_views import SHADERS, adopt_articulation, register_shaders
@@ -36,8 +36,8 @@ from mpvi_bt.house.sim.sim_robot import load_robot
 _TORSO_STEP = r1.TORSO_SPEED / CONTROL_HZ
 _ARM_STEP = r1.ARM_SPEED / CONTROL_HZ
 _STEP = np.zeros(ACTION_SIZE)
-_STEP[ActionLayout.TORSO] = _TORSO_STEP
-for _part in ActionLayout.ARM.values():
+_STEP[StaticLayout.TORSO] = _TORSO_STEP
+for _part in StaticLayout.ARM.values():
     _STEP[_part] = _ARM_STEP
 _AHEAD = 5.0  # steps that targets may be ahead of joints: what is in the way would else have them run on
 _HAND_STEP_M, _HAND_STEP_RAD = 0.5 / CONTROL_HZ, 1.5 / CONTROL_HZ
@@ -57,7 +57,7 @@ class R1ControllerConfig(ControllerConfig):  # type: ignore[misc]  # mani_skill 
 
 
 class PositionController(BaseController):  # type: ignore[misc]
-    """Actions of 23 numbers in the order and units of `ActionLayout`: what `Robot.act` takes."""
+    """Actions of 23 numbers in the order and units of `StaticLayout`: what `Robot.act` takes."""
 
     config: R1ControllerConfig
     sets_target_qpos = True
@@ -113,8 +113,8 @@ class DeltaController(PositionController):
     def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
         """(n, 23) the robots' commands."""
         command = ahead(drives.command, drives.felt(), action)
-        command[:, ActionLayout.BASE] = action[:, ActionLayout.BASE] * _like(action, r1.BASE_SPEED)
-        grippers = list(ActionLayout.GRIPPER.values())
+        command[:, StaticLayout.BASE] = action[:, StaticLayout.BASE] * _like(action, r1.BASE_SPEED)
+        grippers = list(StaticLayout.GRIPPER.values())
         command[:, grippers] = action[:, grippers]
         return command
 
@@ -131,17 +131,17 @@ class HandController(PositionController):
     def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
         """(n, 23) the robots' commands."""
         felt, command = drives.felt(), drives.command.clone()
-        command[:, ActionLayout.BASE] = action[:, ActionLayout.BASE] * _like(action, r1.BASE_SPEED)
+        command[:, StaticLayout.BASE] = action[:, StaticLayout.BASE] * _like(action, r1.BASE_SPEED)
         whole = torch.zeros_like(command)
-        whole[:, ActionLayout.TORSO] = action[:, ActionLayout.TORSO]
+        whole[:, StaticLayout.TORSO] = action[:, StaticLayout.TORSO]
         lowest, highest = (_like(action, limit) for limit in r1.TORSO_LIMITS.T)
-        command[:, ActionLayout.TORSO] = ahead(command, felt, whole)[:, ActionLayout.TORSO].clip(lowest, highest)
+        command[:, StaticLayout.TORSO] = ahead(command, felt, whole)[:, StaticLayout.TORSO].clip(lowest, highest)
         for side, part in zip(SIDES, (slice(7, 14), slice(14, 21)), strict=True):
-            asked, arm = action[:, part], ActionLayout.ARM[side]
-            rows = (t.cpu().numpy() for t in (drives.command, command[:, ActionLayout.TORSO], asked, felt[:, arm]))
+            asked, arm = action[:, part], StaticLayout.ARM[side]
+            rows = (t.cpu().numpy() for t in (drives.command, command[:, StaticLayout.TORSO], asked, felt[:, arm]))
             arms = np.stack([_arm(side, *row) for row in zip(*rows, strict=True)])
             command[:, arm] = _like(action, arms)
-            command[:, ActionLayout.GRIPPER[side]] = asked[:, 6]
+            command[:, StaticLayout.GRIPPER[side]] = asked[:, 6]
         return command
 
 
@@ -159,8 +159,8 @@ def ahead(last: torch.Tensor, felt: torch.Tensor, action: torch.Tensor) -> torch
 
 def _arm(side: Side, last: Array, torso: Array, asked: Array, felt: Array) -> Array:
     """(7,) targets of one arm that bring its hand a step on, with the torso at its new targets; else the last ones."""
-    told: Array = last[ActionLayout.ARM[side]]
-    T = r1.R1.tcp(last[ActionLayout.TORSO], told, side)
+    told: Array = last[StaticLayout.ARM[side]]
+    T = r1.R1.tcp(last[StaticLayout.TORSO], told, side)
     T[:3, :3] = matmul(Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix(), T[:3, :3])
     T[:3, 3] += asked[:3] * _HAND_STEP_M
     posture = r1.R1.nearest_posture(matmul(kin.inverse(r1.R1.chest(torso)), T), side, told)

@@ -13,7 +13,7 @@ import sapien
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION, commanded, travel_action
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Side, StaticLayout
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.body import SimBody
 from mpvi_bt.house.sim.cameras import Cameras
@@ -28,8 +28,8 @@ class SimRobot(SimBody):
     def __init__(self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None, model: RobotModel = R1) -> None:
         """Put a robot into `scene` at `base_pose` (3,) x, y [m], yaw [rad], hands folded; no cameras: no pictures."""
         super().__init__(load_robot(scene, model, visible=cameras is not None), model, cameras)
-        torso = [(n, i) for i, n in enumerate(model.torso_joints, ActionLayout.TORSO.start) if n is not None]
-        arms = [(n, ActionLayout.ARM[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
+        torso = [(n, i) for i, n in enumerate(model.torso_joints, StaticLayout.TORSO.start) if n is not None]
+        arms = [(n, StaticLayout.ARM[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
         self._targets = [self._joints[n] for n, _ in (*torso, *arms)]
         self._driven = np.array([i for _, i in (*torso, *arms)])  # where these are in an action
         if cameras is not None:
@@ -52,7 +52,7 @@ class SimRobot(SimBody):
 
     @property
     def action(self) -> Array:
-        """(23,) a copy of the command of the next step, `ActionLayout`."""
+        """(23,) a copy of the command of the next step, `StaticLayout`."""
         return self._action.copy()
 
     def act(self, action: Array) -> None:
@@ -66,16 +66,16 @@ class SimRobot(SimBody):
     @property
     def gripper_command(self) -> Mapping[Side, float]:
         """Last command of each gripper, -1 closed ... 1 open."""
-        return {s: float(self._action[ActionLayout.GRIPPER[s]]) for s in self.model.sides}
+        return {s: float(self._action[StaticLayout.GRIPPER[s]]) for s in self.model.sides}
 
     @property
     def arm_command(self) -> Mapping[Side, Array]:
         """(7,) what each arm was told last."""
-        return {s: self._action[ActionLayout.ARM[s]].copy() for s in self.model.sides}
+        return {s: self._action[StaticLayout.ARM[s]].copy() for s in self.model.sides}
 
     def hold(self) -> None:
         """Stand still; every joint keeps its target."""
-        self._action[ActionLayout.BASE] = 0.0
+        self._action[StaticLayout.BASE] = 0.0
 
     def save(self) -> dict[str, list[float]]:
         """How it stands and moves, and its command."""
@@ -107,7 +107,7 @@ class SimRobot(SimBody):
         """Have arms stand in postures (7,) at once, at rest, and keep them."""
         q, action = self.articulation.get_qpos(), self.action
         for side, posture in arms.items():
-            q[self._arm[side]] = action[ActionLayout.ARM[side]] = posture
+            q[self._arm[side]] = action[StaticLayout.ARM[side]] = posture
         self.articulation.set_qpos(q)
         self.articulation.set_qvel(np.zeros_like(q))
         self._sent = None
@@ -117,7 +117,7 @@ class SimRobot(SimBody):
     def apply(self) -> None:
         """Send the command to the drives. The world calls it once a control step."""
         action, sent = self._action, self._sent
-        self._drive_base(action[ActionLayout.BASE])
+        self._drive_base(action[StaticLayout.BASE])
         if sent is None or not np.array_equal(action[3:], sent[3:]):
             before = action if sent is None else sent
             for joint, target, last in zip(
@@ -128,7 +128,7 @@ class SimRobot(SimBody):
                 joint.set_drive_velocity_target((target - last) * CONTROL_HZ)
             for s in self.model.sides:
                 open_m = self.model.hand.travel_m - CLOSED_M
-                finger = CLOSED_M + (float(action[ActionLayout.GRIPPER[s]]) + 1) / 2 * open_m
+                finger = CLOSED_M + (float(action[StaticLayout.GRIPPER[s]]) + 1) / 2 * open_m
                 for name in self.model.finger_joints[s]:
                     self._joints[name].set_drive_target(finger)
             self._sent, self._moving = action.copy(), True

@@ -18,10 +18,10 @@ from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
 from mpvi_bt.runs.disturbances.faults import KINDS
 
-_ARMS = np.r_[ActionLayout.ARM["left"], ActionLayout.ARM["right"]]
+_ARMS = np.r_[StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
 
 
 class FaultyPolicy(WrappedPolicy):
@@ -102,7 +102,7 @@ class FaultyPolicy(WrappedPolicy):
         if self._frozen is None and draws.random() < self._faults.get("freeze", 0.0):
             assert self._before is not None
             self._frozen = self._before.copy()
-            self._frozen[ActionLayout.BASE] = 0.0
+            self._frozen[StaticLayout.BASE] = 0.0
             self.happened["freeze"] += 1
         if jitter := self._faults.get("jitter"):
             action[_ARMS] += draws.normal(0.0, jitter, len(_ARMS))

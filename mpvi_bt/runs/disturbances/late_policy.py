@@ -12,7 +12,7 @@ from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, StaticLayout
 from mpvi_bt.runs.disturbances.latency import in_steps
 
 Meanwhile = Literal["hold", "go_on"]
@@ -97,5 +97,5 @@ class LatePolicy(WrappedPolicy):
         """(23,) the command that keeps every joint's target and the base at rest, once `before` is carried out."""
         last = before[-1] if len(before) else self._last
         held = last.copy() if last is not None else command_of(body)
-        held[ActionLayout.BASE] = 0.0
+        held[StaticLayout.BASE] = 0.0
         return held

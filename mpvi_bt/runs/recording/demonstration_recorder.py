@@ -23,7 +23,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import Resampler
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Robot
+from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, Proprioception, Robot, StaticLayout
 from mpvi_bt.ground.words.phrases import OTHER
 from mpvi_bt.ground.writing import unwritable, write_whole
 
@@ -37,13 +37,13 @@ FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and 
 def state(felt: Proprioception) -> Array:
     """(23,) what is felt, in the action's order and units; a gripper's entry is its opening [m], 0 to 0.10."""
     values = np.zeros(ACTION_SIZE)
-    values[ActionLayout.BASE] = felt.base_velocity
-    values[ActionLayout.TORSO] = felt.torso
-    for side, joints in ActionLayout.ARM.items():
+    values[StaticLayout.BASE] = felt.base_velocity
+    values[StaticLayout.TORSO] = felt.torso
+    for side, joints in StaticLayout.ARM.items():
         if side not in felt.arm:
             continue
         values[joints] = felt.arm[side]
-        values[ActionLayout.GRIPPER[side]] = felt.gripper_width[side]
+        values[StaticLayout.GRIPPER[side]] = felt.gripper_width[side]
     return values
 
 
@@ -58,11 +58,11 @@ def felt_again(state: Array, base_pose: Array, arm_velocity: Array, robot: str) 
     """
     return Proprioception(
         base_pose=base_pose,
-        base_velocity=state[ActionLayout.BASE],
-        torso=state[ActionLayout.TORSO],
-        arm={side: state[ActionLayout.ARM[side]] for side in SIDES},
+        base_velocity=state[StaticLayout.BASE],
+        torso=state[StaticLayout.TORSO],
+        arm={side: state[StaticLayout.ARM[side]] for side in SIDES},
         arm_velocity=dict(zip(SIDES, arm_velocity.reshape(2, 7), strict=True)),
-        gripper_width={side: float(state[ActionLayout.GRIPPER[side]]) for side in SIDES},
+        gripper_width={side: float(state[StaticLayout.GRIPPER[side]]) for side in SIDES},
         gripper_command={},
         robot=robot,
     )

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.camera import Camera
-from mpvi_bt.ground.robot.layout import ActionLayout
 from mpvi_bt.ground.robot.mobile_base import MobileBase
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.ground.robot.trunk import Trunk
