@@ -37,7 +37,13 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     "finding": (("perception", "shapes"), ("scene",), ("navigation",)),
     "hands": (("robots", "stance"), ("motion", "learned"), ("skills",), ("policies",)),
     "house": (("states",), ("goals",), ("things", "truth"), ("layout",), ("sim",), ("instances",), ("maniskill",)),
-    "runs": (("recording", "disturbances"), ("choices", "datasets"), ("episode",), ("suite", "serving"), ("report",)),
+    "runs": (
+        ("recording", "disturbances"),
+        ("choices", "datasets"),
+        ("episode",),
+        ("suite", "serving", "ros2"),
+        ("report",),
+    ),
     "testing": (("doubles", "full_hands"), ("contracts", "scene_builder")),
     "apps": (("authoring",), ("api", "watch"), ("mcp_server",), ("cli",)),
 }

@@ -21,14 +21,14 @@ from mpvi_bt.ground.marked_yaml import Location, load_marked
 ROOT = paths.shipped()
 GOOD = sorted(
     path
-    for folder in ("trees", "skills", "tasks", "policies")
+    for folder in ("trees", "skills", "tasks", "policies", "bridges")
     for path in (ROOT / folder).rglob("*")
     if path.suffix in (".yaml", ".json") and path.parent.name != "schema"
 )
 NEAR = 2  # lines
 EACH = 2  # sites that an operator breaks in one file
 # Whatever stands in these is a name.
-NAMED_BY_USER = {"parameters", "blackboard", "rooms", "fixtures", "entries", "images", "state"}
+NAMED_BY_USER = {"parameters", "blackboard", "rooms", "fixtures", "entries", "images", "state", "cameras", "grippers"}
 
 REQUIRED = {  # by folder
     "trees": {"tree", "memory", "policy"},
@@ -39,6 +39,7 @@ REQUIRED = {  # by folder
     "suites": {"tasks", "instances"},
     "methods": {"about", "planner", "policy", "checker", "trigger"},
     "policies": {"camera", "part", "at"},
+    "bridges": {"joint_states", "odometry", "base", "color", "depth", "info"},
     "tasks": {"instruction", "problem", "house", "plan", "can__of__soda.n.01"},
 }
 WRONG = {  # key: values that it can't have

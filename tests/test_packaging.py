@@ -26,10 +26,10 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_every_data_file(installed: Path) -> None:
-    """Trees, skills, tasks and settings of policies of the checkout are all in the wheel, and its types are marked."""
+    """All data of the checkout, such as its trees, is in the wheel, and its types are marked."""
     ours = {
         p.relative_to(ROOT)
-        for name in ("trees", "skills", "tasks", "policies")
+        for name in ("trees", "skills", "tasks", "policies", "bridges")
         for p in (ROOT / name).rglob("*")
         if p.is_file()
     }

@@ -112,6 +112,13 @@ KINDS = (
         "a folder policies/ in MPVI_PATH",
         "mpvi_bt.executive.remote.dialect_settings:check_settings",
     ),
+    FileKind(
+        "a bridge",
+        frozenset({"joint_states", "odometry", "cameras", "base", "grippers", "watchdog_s", "lockstep"}),
+        "bridges",
+        "mpvi ros2 --bridge FILE",
+        "mpvi_bt.runs.ros2.bridge_file:check_bridge",
+    ),
     FileKind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
     FileKind(
         "a result of an episode", frozenset({"q_score", "goal_fraction", "rollout_id", "config"}), "", "mpvi suite"

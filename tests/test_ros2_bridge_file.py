@@ -1,0 +1,96 @@
+"""Bridge files: what they say of a robot's topics, and what is said of those that are wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mpvi_bt.ground.errors import FileProblems, UnknownName
+from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
+from mpvi_bt.runs.ros2.bridge_file import joint_names, load_bridge
+
+GOOD = """\
+clock: system
+joint_states: [/joint_states, /gripper/joint_states]
+odometry: { topic: /odom }
+cameras:
+  head: { color: /head/color, depth: /head/depth, info: /head/info }
+base: { topic: /cmd_vel }
+joints:
+  - { topic: /torso_controller, joints: [torso_lift_joint] }
+  - { topic: /other_controller }
+grippers:
+  right: { topic: /gripper_controller, open: 0.05 }
+"""
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    """Writes a bridge file; answers its path."""
+
+    def write(text: str) -> str:
+        path = tmp_path / "mine.yaml"
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_the_bridge_of_the_house_fits_every_robot(name: str) -> None:
+    """Every camera, joint and gripper of the robot has its topic."""
+    robot = robot_named(name)
+    bridge = load_bridge("house", robot)
+    assert set(bridge.cameras) == set(robot.cameras)
+    assert set(bridge.grippers) == set(robot.sides)
+    assert [name for entry in bridge.joints for name in entry.joints or ()] == list(joint_names(robot))
+    assert bridge.cameras["head"].color == "/head/color/image_raw"
+
+
+def test_a_controller_without_names_has_the_other_joints(written) -> None:
+    """A file names the joints of one controller, and leaves the rest to the other."""
+    robot = robot_named("fetch")
+    bridge = load_bridge(written(GOOD), robot)
+    first, second = (entry.joints or () for entry in bridge.joints)
+    assert first == ("torso_lift_joint",)
+    assert {*first, *second} == set(joint_names(robot))
+    assert bridge.grippers["right"].joints == robot.finger_joints["right"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("joint_states: [", "joint_state: [", 2, "unknown key 'joint_state'. Did you mean 'joint_states'"),
+        ("{ topic: /odom }", "{ topic: /odom, tf: { fixed: map, base: base_link } }", 3, "either 'topic' or 'tf'"),
+        ("  head:", "  haed:", 5, "unknown camera 'haed' of the robot fetch. Did you mean 'head'"),
+        ("/head/depth", "head depth", 5, "should match the pattern"),
+        ("depth: /head/depth, ", "", 5, "missing key 'depth'"),
+        ("info: /head/info", "info: /head/info, labels: /l", 5, "'labels' and 'names' come together"),
+        ("/cmd_vel }", "/cmd_vel, type: twist }", 6, "'twist' is not valid. Did you mean 'Twist'"),
+        ("[torso_lift_joint]", "[torso_lift]", 8, "unknown joint 'torso_lift' of the robot fetch"),
+        ("/torso_controller", "/torso_controller, action: /a", 8, "either 'topic' or 'action'"),
+        ("- { topic: /other_controller }", "- { topic: /x, joints: [torso_lift_joint] }", 9, "commanded by entry 0"),
+        ("  right:", "  left:", 11, "unknown gripper 'left' of the robot fetch"),
+        ("clock: system", "clock: sim\nwatchdog_s: 0", 2, "greater than 0"),
+        ("clock: system", "lockstep: true", 1, "'lockstep' is for a simulator"),
+    ],
+)
+def test_a_mistake_is_told_with_its_place(written, old: str, new: str, line: int, message: str) -> None:
+    """One problem of a file that is wrong in one place: its line, and what would be right."""
+    assert old in GOOD
+    with pytest.raises(FileProblems) as raised:
+        load_bridge(written(GOOD.replace(old, new)), robot_named("fetch"))
+    assert any(problem.line == line and message in problem.message for problem in raised.value.problems), raised.value
+
+
+def test_joints_without_a_controller_are_named(written) -> None:
+    """A joint that nobody would command is a mistake of the file."""
+    with pytest.raises(FileProblems, match=r"no controller has .*shoulder_pan_joint"):
+        load_bridge(written(GOOD.replace("  - { topic: /other_controller }\n", "")), robot_named("fetch"))
+
+
+def test_an_unknown_bridge_is_told_with_the_nearest() -> None:
+    """A name that is in no `bridges/`."""
+    with pytest.raises(UnknownName, match=r"unknown bridge 'huose'\. Did you mean 'house'"):
+        load_bridge("huose", robot_named("r1"))
