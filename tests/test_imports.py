@@ -44,6 +44,7 @@ ONLY_IN = {
     "mcp_types": {"apps/mcp_server"},
     "starlette": {"apps/watch", "apps/mcp_server"},
     "uvicorn": {"apps/watch"},
+    "rclpy": {"runs/ros2", "apps/cli/ros2_house.py"},
     "vla_eval": {"runs/serving/vla_eval_benchmark.py", "runs/serving/vla_eval_server.py"},
 }
 DISTRIBUTION = {
@@ -55,6 +56,13 @@ DISTRIBUTION = {
     "mcp_types": "mcp",
     "rerun": "rerun-sdk",
     "vla_eval": "vla-eval",
+    **{
+        name: f"ros-{name.replace('_', '-')}"
+        for name in (
+            *("rclpy", "builtin_interfaces", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs"),
+            *("std_msgs", "trajectory_msgs"),
+        )
+    },
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
@@ -71,6 +79,7 @@ HEAVY = (
         "ray",
         "starlette",
         "uvicorn",
+        "rclpy",
         "vla_eval",
         "xllamacpp",
     ),
