@@ -50,3 +50,11 @@ class MadeUpSearch:
     image: CameraImage | None = None
     detections: Sequence[Detection] = ()
     entries: Sequence[Entry] = ()
+
+
+def searching() -> MadeUpSearch:
+    """A search with one of everything."""
+    search = MadeUpSearch(image=look(1, 2, 0), detections=[box("can", 100, 110, 140, 150)], entries=[find("can", 3, 3)])
+    search.path, search.goal = np.array([[1.0, 2.0], [3.0, 2.0]]), np.array([3.0, 2.0, 0.0])
+    search.frontier[20:60, 39] = True
+    return search

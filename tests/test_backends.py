@@ -110,6 +110,7 @@ def test_chunks_are_carried_out_as_the_config_says() -> None:
         ({"policy": THERE}, True),
         ({"video": Path("film.mp4")}, True),
         ({"rerun": Path("run.rrd")}, True),
+        ({"mcap": Path("run.mcap")}, True),
     ],
 )
 def test_a_world_renders_where_somebody_looks(changes: dict[str, Any], renders: bool) -> None:

@@ -35,6 +35,7 @@ ONLY_IN = {
     "torch": {"house/maniskill", "finding/perception/grounding_dino.py", "hands/learned/training.py"},
     "transformers": {"finding/perception/grounding_dino.py"},
     "rerun": {"runs/recording/rerun_log.py"},
+    "mcap_ros2": {"runs/recording/mcap_log.py"},
     "ray": {"runs/suite/ray_engine.py"},
     "pandas": {"runs/datasets/parquet.py"},
     "openai": {"executive/language/openai.py"},
@@ -55,6 +56,7 @@ DISTRIBUTION = {
     "imageio_ffmpeg": "imageio-ffmpeg",
     "mcp_types": "mcp",
     "rerun": "rerun-sdk",
+    "mcap_ros2": "mcap-ros2-support",
     "vla_eval": "vla-eval",
     **{
         name: f"ros-{name.replace('_', '-')}"
@@ -71,6 +73,7 @@ HEAVY = (
         "websockets",
         "transformers",
         "rerun",
+        "mcap_ros2",
         "pandas",
         "pyarrow",
         "openai",

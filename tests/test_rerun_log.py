@@ -24,8 +24,9 @@ from mpvi_bt.runs.recording.rerun_log import RerunLog, require_sdk
 from mpvi_bt.runs.recording.search_view import Window
 from mpvi_bt.testing import scripted_context
 from tests.conftest import Shell
-from tests.search_views import MadeUpSearch, box, find, look
+from tests.search_views import MadeUpSearch, find, searching
 from tests.test_recorders import SPEC, Interrupting, VisibleWorld, watch
+from tests.without_library import without
 
 pytest.importorskip("rerun", reason="needs the extra 'rerun' (0.7 GB)")
 
@@ -59,14 +60,6 @@ def command(*args: str) -> subprocess.CompletedProcess[str]:
     """Run the SDK's own tool."""
     code = "import sys; from rerun_cli.__main__ import main; sys.exit(main())"
     return subprocess.run([sys.executable, "-c", code, *args], capture_output=True, text=True, timeout=60, check=False)
-
-
-def searching() -> MadeUpSearch:
-    """A search with one of everything."""
-    search = MadeUpSearch(image=look(1, 2, 0), detections=[box("can", 100, 110, 140, 150)], entries=[find("can", 3, 3)])
-    search.path, search.goal = np.array([[1.0, 2.0], [3.0, 2.0]]), np.array([3.0, 2.0, 0.0])
-    search.frontier[20:60, 39] = True
-    return search
 
 
 def test_a_recording_tells_of_every_frame(tmp_path: Path) -> None:
@@ -214,11 +207,6 @@ def test_a_disk_that_fills_up_ends_the_run_and_nothing_waits(tmp_path: Path) -> 
     assert f"BackendError: {file}: rerun cannot write the recording" in done.stderr
 
 
-def beside(folder: Path) -> str:
-    """A search path that begins with a folder."""
-    return os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH", "")]))
-
-
 def test_without_the_sdk_there_is_a_line_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, mpvi: Shell, tmp_path: Path
 ) -> None:
@@ -227,9 +215,9 @@ def test_without_the_sdk_there_is_a_line_that_says_what_to_install(
     monkeypatch.chdir(tmp_path)  # where the command runs; the clone is named by its path there
     with pytest.raises(UserError, match=re.escape(install("rerun"))):
         require_sdk()
-    (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['rerun'] = None\n")
-    done = mpvi("run", "picking_up_trash", "--rerun", "run.rrd", PYTHONPATH=beside(tmp_path))
+    hidden = without("rerun", tmp_path)
+    done = mpvi("run", "picking_up_trash", "--rerun", "run.rrd", PYTHONPATH=hidden)
     assert done.returncode == 2
     assert done.stderr == f"mpvi: --rerun needs the SDK of rerun, which is not installed: {install('rerun')}\n"
     assert not (tmp_path / "run.rrd").exists()
-    assert mpvi("run", "--dry", "--tree", "hello", PYTHONPATH=beside(tmp_path)).returncode == 0
+    assert mpvi("run", "--dry", "--tree", "hello", PYTHONPATH=hidden).returncode == 0

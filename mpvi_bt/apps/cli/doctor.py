@@ -62,6 +62,7 @@ def examine() -> list[Check]:
         _extra("maniskill", "mani_skill", "maniskill"),
         _extra("detector", "transformers", "grounding-dino"),
         _extra("recording", "rerun-sdk", "rerun"),
+        _extra("mcap", "mcap-ros2-support", "mcap"),
         _extra("language", "openai", "openai"),
         _key("OPENAI_API_KEY"),
         _guarded("endpoint", False, "export OPENAI_BASE_URL=http://HOST:PORT/v1", endpoint),

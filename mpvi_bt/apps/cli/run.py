@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
 _COMPILING = "compiling loops for this machine, once: some 20 s"
-_OF_THIS_RUN = ("video", "picture", "rerun", "times", *ASKING)  # of an episode that goes on, what may be said anew
+_FILES = ("video", "picture", "rerun", "mcap", "times")
+_OF_THIS_RUN = (*_FILES, *ASKING)  # of an episode that goes on, what may be said anew
 
 
 @click.command()
@@ -90,8 +91,13 @@ def run(
         from mpvi_bt.runs.recording.rerun_log import require_sdk
 
         require_sdk()
+    if given["mcap"]:
+        from mpvi_bt.runs.recording.mcap_log import require_mcap
+
+        require_mcap()
     config, prepared, dry = _resumed(resume, given) if resume else _asked_for(task, arguments(params), dry, out, given)
-    if dry and (config.video or config.picture or config.rerun or config.demonstration or config.times):
+    files = [file for name in _FILES if (file := getattr(config, name)) is not None]
+    if dry and (files or config.demonstration):
         raise click.UsageError("A dry run has nothing to film, to draw, to log, to record or to time.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = config.kept_in(out, stem, trace)
@@ -107,8 +113,7 @@ def run(
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
     try:
-        files = (config.video, config.picture, config.rerun, config.times)
-        for folder in (out, *(file.parent for file in files if file is not None)):
+        for folder in (out, *(file.parent for file in files)):
             check_writable(folder)  # now, not when a minute's work is lost
     except UserError:
         if trace or not dry:

@@ -103,6 +103,7 @@ def _named(command: Any) -> Any:
     help="Film every episode; failures: delete films of episodes that reach their goal.",
 )
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
+@click.option("--mcap/--no-mcap", default=False, help="Record every episode as ROS 2 messages, as mcap.")
 @click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
 @settings("demonstration_fps")
 @serving
@@ -127,6 +128,7 @@ def run(
     trace: bool,
     video: Literal["all", "failures"] | None,
     picture: bool,
+    mcap: bool,
     demonstrations: bool,
     demonstration_fps: int,
     serve: Address | None,
@@ -163,7 +165,7 @@ def run(
             tasks=tasks,
             instances=instances,
             where=Where(engine, workers, wall_limit, ray_address, episode),
-            kept=Kept(trace, video, picture, demonstrations, demonstration_fps),
+            kept=Kept(trace, video, picture, mcap, demonstrations, demonstration_fps),
             calls=suite_calls,
             tokens=suite_tokens,
             about=loaded.about,

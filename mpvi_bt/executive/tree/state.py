@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 Status = Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
 # How an episode ends. "stopped": the policy stopped of its own accord, and the goal is met. "backend_error": a policy's
@@ -37,3 +37,11 @@ class NodeState:
     reason: str = ""
     evidence: str = ""
     origin: str = ""
+
+    def told(self) -> dict[str, Any]:
+        """It as JSON data, without what is at its default but for the status."""
+        values = {name: value for name, value in vars(self).items() if value != getattr(NOT_BEGUN, name)}
+        return {"status": self.status, **values}
+
+
+NOT_BEGUN = NodeState()

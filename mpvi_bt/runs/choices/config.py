@@ -232,6 +232,7 @@ class OutputSettings:
     video: Path | None = setting(None, "Film the episode, as mp4.", "FILE")
     picture: Path | None = setting(None, "Draw the robot's path from above, as png.", "FILE")
     rerun: Path | None = setting(None, "Log the episode for the rerun viewer, as rrd.", "FILE")
+    mcap: Path | None = setting(None, "Record the episode as ROS 2 messages, as mcap.", "FILE")
     demonstration: Path | None = setting(None, "Record pictures, state and actions there, for `mpvi dataset`.", "DIR")
     demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30] = setting(10, "Recorded rows and pictures a second.")
     times: Path | None = setting(

@@ -54,6 +54,7 @@ class EpisodeKeywords(SuiteKeywords, total=False):
     video: File | None
     picture: File | None
     rerun: File | None
+    mcap: File | None
     demonstration: File | None
     demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30]
     times: File | None

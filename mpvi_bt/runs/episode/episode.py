@@ -45,6 +45,7 @@ from mpvi_bt.runs.episode.queries import count_queries, with_truth
 from mpvi_bt.runs.episode.result import FailureRecord, Grasps, Planning, PolicyShare, ReplanRecord, make_result
 from mpvi_bt.runs.episode.saved_episode import Keeper, SavedEpisode
 from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
+from mpvi_bt.runs.recording.mcap_log import McapLog
 from mpvi_bt.runs.recording.path_picture import PathPicture
 from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.runs.recording.rerun_log import RerunLog
@@ -189,7 +190,7 @@ def _places(world: SimWorld) -> dict[str, list[float]]:
 def _renders(config: EpisodeConfig) -> bool:
     """Whether anything in the episode looks at pictures."""
     looking = (choose(kind, name).backend.sees for kind, name in config.backends.items())
-    outputs = (config.video, config.rerun, config.demonstration)
+    outputs = (config.video, config.rerun, config.mcap, config.demonstration)
     return any(output is not None for output in outputs) or any(looking)
 
 
@@ -217,6 +218,8 @@ def _recorders(
         recorders.append(Video(config.video, config.name, parts, search=search, only_failures=config.only_failures))
     if config.rerun is not None:
         recorders.append(RerunLog(config.rerun, grid, config.name, search))
+    if config.mcap is not None:
+        recorders.append(McapLog(config.mcap, grid, search))
     if config.picture is not None:
         recorders.append(
             PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name, search)

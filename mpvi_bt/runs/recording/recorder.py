@@ -26,12 +26,11 @@ from mpvi_bt.executive.trace.read import VERSION, Trace, read_trace
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.saving import SavedNode
 from mpvi_bt.executive.tree.spec import TreeSpec
-from mpvi_bt.executive.tree.state import NodeState
+from mpvi_bt.executive.tree.state import NOT_BEGUN, NodeState
 from mpvi_bt.executive.tree.yaml_io import expanded
 from mpvi_bt.ground.errors import MpviError, NodeError, UserError
 from mpvi_bt.ground.writing import unwritable
 
-_NOT_BEGUN = NodeState()
 _ALWAYS = ("criterion", "event", "complete", "reason", "path")  # of a query
 _OF_HANDOFF = ("path", "prompt", "began_s", "ended_s", "stopped_reason")  # likewise
 _JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
@@ -160,11 +159,11 @@ class Recorder(Watcher):
         new = {
             path: state
             for path, state in states.items()
-            if path in others or not _same(state, before.get(path, _NOT_BEGUN))
+            if path in others or not _same(state, before.get(path, NOT_BEGUN))
         }
         if new:
             before.update(new)
-            line["nodes"] = {path: _short(state) for path, state in new.items()}
+            line["nodes"] = {path: state.told() for path, state in new.items()}
         context: Context | None = getattr(self._tree, "context", None)  # none where setup failed
         if context is not None:
             if context.blackboard != self._blackboard:
@@ -278,12 +277,6 @@ def _same(new: NodeState, old: NodeState) -> bool:
     if new.status == old.status == "RUNNING" and new.elapsed_s is not None and old.elapsed_s is not None:
         return dataclasses.replace(new, elapsed_s=old.elapsed_s) == old
     return new == old
-
-
-def _short(state: NodeState) -> dict[str, Any]:
-    """A state as JSON data without what is at its default."""
-    values = {name: value for name, value in vars(state).items() if value != getattr(_NOT_BEGUN, name)}
-    return {"status": state.status, **values}
 
 
 def _difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

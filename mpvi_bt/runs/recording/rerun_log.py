@@ -29,6 +29,7 @@ from mpvi_bt.ground.writing import unwritable
 from mpvi_bt.runs.recording import search_colors as colors
 from mpvi_bt.runs.recording.drawn_map import cells_north_up
 from mpvi_bt.runs.recording.labels import Color
+from mpvi_bt.runs.recording.news import News, ending
 from mpvi_bt.runs.recording.search_view import Head, SearchView, Window, called, cropped, found, seen_m2
 
 _JPEG = 80  # quality of the head's pictures: 20 kB each
@@ -81,7 +82,7 @@ class RerunLog(Watcher):
         self._way: list[Array] = []
         self._ground_s = -np.inf
         self._window, self._part = Window(), grid_map
-        self._last: dict[str, object] = {}  # what is logged only where it changes
+        self._news = News()
         self._stream: Any = None
         self._rr: Any = None
 
@@ -116,7 +117,8 @@ class RerunLog(Watcher):
     def step(self, tree: Tree, world: World) -> None:
         """Log what failed, and a frame when one is due."""
         self._now()
-        self._failures()
+        for path, why in self._news.failures(tree):
+            self._stream.log("reasons", self._rr.TextLog(f"{path}: {why}", level="WARN"))
         if world.steps % self._every == 0:
             self._frame()
 
@@ -125,23 +127,14 @@ class RerunLog(Watcher):
         if self._stream is None:
             return
         self._now()
-        how = outcome.told(self._tree.spec)
-        why = "" if outcome.failure is None else f": {outcome.failure.reason}: {outcome.failure.evidence}"
-        good = outcome.goal.satisfied if outcome.goal else outcome.complete
-        self._stream.log("reasons", self._rr.TextLog(how + why, level="INFO" if good else "ERROR"))
+        told, good = ending(outcome, self._tree.spec)
+        self._stream.log("reasons", self._rr.TextLog(told, level="INFO" if good else "ERROR"))
         if outcome.ending != "error":
             self._text()
         with self._writing():
             self._stream.flush(timeout_sec=_FLUSH_S)
             self._stream.disconnect()  # writes the index, without which the file is only slower to open
         self._stream = None
-
-    def _news(self, name: str, value: object) -> bool:
-        """Whether this is other than it was last under that name."""
-        if name in self._last and self._last[name] == value:
-            return False
-        self._last[name] = value
-        return True
 
     def _now(self) -> None:
         self._stream.set_time("step", sequence=self._world.steps)
@@ -225,8 +218,7 @@ class RerunLog(Watcher):
             part = self._window.of(self._search)
             self._part = grid_map = cropped(self._search.map, *part)
             if self._news("part", part):  # what has a place on the map has another one now
-                for name in ("way", "path", "goal", "found"):
-                    self._last.pop(name, None)
+                self._news.forget("way", "path", "goal", "found")
             known = self._search.known[part]
             images["floor"] = np.where(known, np.where(grid_map.occupied, _WALL, _FLOOR), _UNKNOWN)
             images["seen"] = (self._search.seen[part] & known & ~grid_map.occupied) * _SEEN
@@ -241,7 +233,7 @@ class RerunLog(Watcher):
                     f"map/{name}",
                     self._rr.EncodedImage(contents=_png(image), media_type="image/png", draw_order=float(order)),
                 )
-        if self._world.time_s >= self._ground_s + _GROUND_S and self._news("ground", self._last["floor"]):
+        if self._world.time_s >= self._ground_s + _GROUND_S and self._news("ground", images["floor"].tobytes()):
             self._ground_s = self._world.time_s
             self._ground(images["floor"][::-1])
 
@@ -280,17 +272,6 @@ class RerunLog(Watcher):
         text = ascii_tree(self._tree.spec, self._tree.states(), fold=True)
         if self._news("tree", text):
             self._stream.log("tree", self._rr.TextDocument(text))
-
-    def _failures(self) -> None:
-        """Each node that failed at this tick, or gave something up, with its reason code."""
-        for node in self._tree.touched:
-            path = str(vars(node)["path"])
-            if not self._news(f"status of {path}", node.status):
-                continue
-            state = self._tree.state_of(node)
-            if state.reason and state.origin == path:
-                text = f"{path}: {state.reason}: {state.evidence or state.feedback}"
-                self._stream.log("reasons", self._rr.TextLog(text, level="WARN"))
 
     # ------------------------------------------------------------------------------------------ places
 

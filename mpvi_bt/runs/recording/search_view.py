@@ -69,13 +69,18 @@ class Head:
         self._last: CameraImage | None = None
         self._taken_s = 0.0
 
+    def fresh(self, world: World) -> CameraImage | None:
+        """The picture that was searched last, while it is fresh."""
+        image = self._search.image if self._search is not None else None
+        if image is not None and image is not self._last:
+            self._last, self._taken_s = image, world.time_s
+        return image if world.time_s - self._taken_s <= _FRESH_S else None
+
     def look(self, world: World) -> tuple[CameraImage, list[Detection]]:
         """The last searched picture while it is fresh; else a new one, at the cost of a rendering."""
-        if self._search is not None and (image := self._search.image) is not None:
-            if image is not self._last:
-                self._last, self._taken_s = image, world.time_s
-            if world.time_s - self._taken_s <= _FRESH_S:
-                return image, detected(self._search.detections)
+        image = self.fresh(world)
+        if image is not None and self._search is not None:
+            return image, detected(self._search.detections)
         return world.robot.look("head"), []
 
 

@@ -18,7 +18,6 @@ from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.ground.robot.robots import robot_named
-from mpvi_bt.ground.words.spoken import spoken_text
 from mpvi_bt.ground.writing import unwritable
 from mpvi_bt.runs.recording import cards
 from mpvi_bt.runs.recording.frame_text import (
@@ -36,6 +35,7 @@ from mpvi_bt.runs.recording.frame_text import (
     write_tree,
 )
 from mpvi_bt.runs.recording.labels import Picture
+from mpvi_bt.runs.recording.news import answer
 from mpvi_bt.runs.recording.search_frames import OUTSIDE, SearchFrames
 from mpvi_bt.runs.recording.search_view import SearchView
 
@@ -234,9 +234,7 @@ def _answers(tree: Tree) -> list[str]:
     """The checker's last answers: trigger, question and reply."""
     context = getattr(tree, "context", None)  # none where setup failed
     queries = context.log.queries[-_ANSWERS:] if context else []
-    return [
-        f"{q.time_s:.1f} s, {q.event}: {q.criterion}? {q.said.capitalize()}: {spoken_text(q.reason)}" for q in queries
-    ]
+    return [f"{query.time_s:.1f} s, {answer(query)}" for query in queries]
 
 
 def _doing(tree: Tree) -> str:

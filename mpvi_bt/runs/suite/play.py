@@ -43,7 +43,7 @@ class Kept:
     """What is written of every episode, besides its result.
 
     Attributes:
-        trace, picture, demonstrations: Whether these are.
+        trace, picture, mcap, demonstrations: Whether these are.
         video: Films of all, or of those that miss their goal; None: of none.
         demonstration_fps: Rows and pictures of a demonstration a second.
         planned: Whether plans are, that language models make.
@@ -52,6 +52,7 @@ class Kept:
     trace: bool = True
     video: Literal["all", "failures"] | None = None
     picture: bool = False
+    mcap: bool = False
     demonstrations: bool = False
     demonstration_fps: int = 10
     planned: bool = True
@@ -62,6 +63,7 @@ class Kept:
             "trace": (self.trace, "traces", ".jsonl"),
             "video": (self.video is not None, "videos", ".mp4"),
             "picture": (self.picture, "pictures", ".png"),
+            "mcap": (self.mcap, "mcap", ".mcap"),
             "demonstration": (self.demonstrations, "demonstrations", ""),
             "planned": (self.planned, "plans", ".json"),
         }

@@ -8,7 +8,7 @@ and in a folder for each method of the suite, or beside these where it names non
 
 - json/{task}_{instance}_{seed}.json: the result, written whole or not at all
 - faults/{task}_{instance}_{seed}.json: what broke, for episodes that the machine could not finish
-- traces/, for `mpvi explain` and its like, unless they were not wanted; videos/ and pictures/, if asked for
+- traces/, for `mpvi explain` and its like, unless they were not wanted; videos/, pictures/ and mcap/, if asked for
 - plans/: those that a language model made, or its last answer where it made none
 """
 
