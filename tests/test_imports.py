@@ -27,6 +27,10 @@ ROBOTS_OWN = {
     "house/instances/instances.py",
 }
 
+ROS_MESSAGES = (
+    *("builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs"),
+    *("std_srvs", "trajectory_msgs", "visualization_msgs"),
+)
 ONLY_IN = {
     "sapien": {"house/sim", "house/maniskill", "house/things/mesh_urdf.py"},
     "mani_skill": {"house/maniskill"},
@@ -46,6 +50,7 @@ ONLY_IN = {
     "starlette": {"apps/watch", "apps/mcp_server"},
     "uvicorn": {"apps/watch"},
     "rclpy": {"runs/ros2", "apps/cli/ros2_house.py"},
+    **{name: {"runs/ros2"} for name in ROS_MESSAGES},
     "vla_eval": {"runs/serving/vla_eval_benchmark.py", "runs/serving/vla_eval_server.py"},
 }
 DISTRIBUTION = {
@@ -58,13 +63,7 @@ DISTRIBUTION = {
     "rerun": "rerun-sdk",
     "mcap_ros2": "mcap-ros2-support",
     "vla_eval": "vla-eval",
-    **{
-        name: f"ros-{name.replace('_', '-')}"
-        for name in (
-            *("rclpy", "builtin_interfaces", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs"),
-            *("std_msgs", "trajectory_msgs"),
-        )
-    },
+    **{name: f"ros-{name.replace('_', '-')}" for name in ("rclpy", *ROS_MESSAGES)},
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),

@@ -9,6 +9,7 @@
     │   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
     │   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
     │   ├── DetectorError                   a detector broke, hangs or answers what no detector may; has a reason code
+    │   ├── RobotError                      a robot over ROS 2 is silent, wrong, or commanded by others; has a code
     │   ├── ModelError                      a language model is away, refuses or gives no answer; has a reason code
     │   └── BadMessage                      bytes from elsewhere are not what the protocol says
     └── NodeError              exit code 3  a behavior raised; names the path of its node in the tree
@@ -164,6 +165,13 @@ class DetectorError(CodedError):
     """A detector broke, hangs, cannot be loaded, or answers what no detector may.
 
     docs/detectors.md lists the codes, such as "bad_box".
+    """
+
+
+class RobotError(CodedError):
+    """A robot over ROS 2 is silent, says what cannot be, or is commanded by another node too: it was halted.
+
+    docs/ros2.md lists the codes, such as "silent".
     """
 
 

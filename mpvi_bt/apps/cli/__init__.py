@@ -35,6 +35,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "dataset": ("mpvi_bt.apps.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
     "train": ("mpvi_bt.apps.cli.train:train", "Train the weights of the learned policy."),
     "serve": ("mpvi_bt.apps.cli.serve:serve", "Serve a policy, or the executive, to other programs."),
+    "ros2": ("mpvi_bt.apps.cli.ros2:ros2", "Drive a robot over ROS 2, or be one: our house."),
     "mcp": ("mpvi_bt.apps.cli.mcp:mcp", "Let agents plan, check, run and explain trees, over MCP."),
     "evaluate": (
         "mpvi_bt.apps.cli.evaluate_server:evaluate",

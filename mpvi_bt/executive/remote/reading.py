@@ -33,6 +33,7 @@ class Reading:
         instruction: What is to be done, "" if it is not told.
         vocabulary: What labels of pictures are called; None: it is not told.
         steps: Control steps until the next observation, each of which wants an action.
+        skipped: Control steps before this observation that nobody was asked for.
     """
 
     body: Proprioception
@@ -43,6 +44,7 @@ class Reading:
     instruction: str = ""
     vocabulary: Vocabulary | None = None
     steps: int = 1
+    skipped: int = 0
 
 
 class Dialect(Protocol):

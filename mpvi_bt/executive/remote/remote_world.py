@@ -151,7 +151,8 @@ class RemoteWorld(StepClock):
             return
         before = self.robot.proprioception()
         reading = self._line.exchange(np.array(self._told))
-        _check_follows(before, reading, len(self._told))
+        _check_follows(before, reading, len(self._told) + reading.skipped)
+        self.steps += reading.skipped
         self._told, self._reading = [], reading
         self.robot.take(reading, moved(before.base_pose, reading.body.base_velocity, 1 / CONTROL_HZ))
 

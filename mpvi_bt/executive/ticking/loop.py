@@ -18,7 +18,7 @@ from mpvi_bt.executive.tree.saving import SavedTree, restore
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.state import Ending
 from mpvi_bt.ground.compiled import compiling
-from mpvi_bt.ground.errors import BackendError, ModelError, NodeError, PolicyError
+from mpvi_bt.ground.errors import BackendError, ModelError, NodeError, PolicyError, RobotError
 from mpvi_bt.ground.robot.protocol import Robot
 
 
@@ -222,10 +222,13 @@ def run_episode(
         raise
     except NodeError as error:
         outcome.error = error
-        if not isinstance(error.__cause__, PolicyError | ModelError):
+        if not isinstance(error.__cause__, PolicyError | ModelError | RobotError):
             raise
         outcome.ending = "backend_error"
         outcome.failure = Failure(error.__cause__.reason, str(error.__cause__), error.path, world.time_s)
+    except RobotError as error:
+        outcome.error, outcome.ending = error, "backend_error"
+        outcome.failure = Failure(error.reason, str(error), tree.spec.name, world.time_s)
     except Exception as error:
         outcome.error = error
         raise

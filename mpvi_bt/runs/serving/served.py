@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -72,13 +72,7 @@ def executive_server(
     """
     config = work.config
     check_robot(dialect, config.robot)
-    check_backends(config)
-    if reading := privileged(config.backends):
-        raise UserError(f"{reading[0].replace(':', ' ')} reads the simulator itself, and there is none here.")
-    if config.map != "online":
-        raise UserError(f"map {config.map} is of a house that is known; here it is not: choose --map online.")
-    if work.instruction or config.task or config.tree or config.plan:
-        prepared_for(work, None, say)
+    check_work(work, say)
     numbers = itertools.count(1)
 
     def open_() -> DrivenSession:
@@ -89,6 +83,23 @@ def executive_server(
 
     # No pong is waited for: an evaluator that loads a scene may answer nothing for minutes.
     return SocketServer(NAME, open_, api_key, say, idle_s=None, pong_s=None, parting_s=_PARTING_S)
+
+
+def check_work(work: ServedWork, say: Callable[[str], None]) -> None:
+    """Find out before an episode begins whether it can be played on a robot elsewhere.
+
+    Raises:
+        UserError: A backend does not exist or reads a simulator, or what is to be done cannot be.
+        ModelError: A language model cannot be asked.
+    """
+    config = work.config
+    check_backends(config)
+    if reading := privileged(config.backends):
+        raise UserError(f"{reading[0].replace(':', ' ')} reads the simulator itself, and there is none here.")
+    if config.map != "online":
+        raise UserError(f"map {config.map} is of a house that is known; here it is not: choose --map online.")
+    if work.instruction or config.task or config.tree or config.plan:
+        prepared_for(work, None, say)
 
 
 def check_robot(dialect: str, robot: str) -> None:
@@ -108,6 +119,37 @@ def play(work: ServedWork, first: Reading, world: RemoteWorld, number: int, say:
         say: Told what is begun.
 
     Raises:
+        As `play_episode`.
+    """
+    prepared, outcome, _ = play_episode(
+        work, first, world, f"served_{number}", lambda line: say(f"episode {number}: {line}")
+    )
+    return f"episode {number}: {_told(outcome, prepared)}"
+
+
+def play_episode(
+    work: ServedWork,
+    first: Reading,
+    world: RemoteWorld,
+    stem: str,
+    say: Callable[[str], None],
+    watchers: Sequence[Subscriber] = (),
+    stop: Callable[[], bool] = lambda: False,
+    more: Callable[[], Mapping[str, Any]] = dict,
+) -> tuple[Prepared, Outcome, dict[str, Any]]:
+    """Play one episode; what was prepared for it, how it ended, and its result.
+
+    Args:
+        work: What is to be done.
+        first: The observation that it begins with.
+        world: The robot's, which stands at it.
+        stem: Of its files, after the name of what is done.
+        say: Told what is begun.
+        watchers: Who watches besides.
+        stop: Ends it between two ticks.
+        more: What the result tells besides.
+
+    Raises:
         UserError: It cannot be begun.
         ModelError: A language model makes no plan.
         NodeError: A behavior raised.
@@ -117,27 +159,29 @@ def play(work: ServedWork, first: Reading, world: RemoteWorld, number: int, say:
     config, prepared = prepared_for(work, first, say)
     _check_sight(config, first)
     name = prepared.spec.name
-    stem = f"{name}_served_{number}"
+    stem = f"{name}_{stem}"
     if work.out is not None:
         config = replace(config, trace=work.out / f"{stem}.trace.jsonl")
-    say(f"episode {number}: {name}")
+    say(name)
     tree = Tree(prepared.spec, stand_ins(prepared.rules))
     parts = assemble(config, prepared, tree, world, first.vocabulary or {})
     last = Last()
-    watchers: list[Subscriber] = [last]
+    own: list[Subscriber] = [last]
     if config.trace is not None:
-        watchers.append(Recorder(config.trace, config.record(), config.seed))
+        own.append(Recorder(config.trace, config.record(), config.seed))
     wrong: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     try:
-        outcome = run_episode(tree, world, parts.context, watchers, max_time_s=float("inf"))
+        outcome = run_episode(tree, world, parts.context, [*own, *watchers], max_time_s=float("inf"), stop=stop)
     except (NodeError, BadMessage) as error:
         wrong = {"error": str(error)}
         raise
     finally:
         getattr(parts.policy, "close", lambda: None)()
+        result = {**unscored_result(config, prepared, last.outcome), **wrong, **more()}
         if work.out is not None:
-            write_json(work.out / f"{stem}.json", {**unscored_result(config, prepared, last.outcome), **wrong})
-    return f"episode {number}: {_told(outcome, prepared)}"
+            write_json(work.out / f"{stem}.json", result)
+    return prepared, outcome, result
 
 
 def _told(outcome: Outcome, prepared: Prepared) -> str:

@@ -1,0 +1,126 @@
+"""`mpvi ros2`: the executive on a robot over ROS 2, and our house as such a robot."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from typing import Any
+
+import click
+
+from mpvi_bt.apps.cli import INTERRUPTED
+from mpvi_bt.apps.cli.argument_types import Name, arguments, check_writable, complete_param, out_folder
+from mpvi_bt.apps.cli.score import brief_score
+from mpvi_bt.apps.cli.setting_options import method, settings
+from mpvi_bt.executive.drawing.terminal import results, tell
+from mpvi_bt.ground.errors import BackendError
+from mpvi_bt.runs.choices.config import ASKING, METHOD, EpisodeConfig
+
+_HERE = [name for name in METHOD if name not in ("robot", "sim", "assisted")]  # no simulator is here
+
+
+class _WithHouse(click.Group):
+    """The command, beside its one subcommand, which is loaded when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """None: loading the house only to list it would take long; the help names it."""
+        return []
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The house, or None."""
+        if cmd_name != "house":
+            return None
+        command: click.Command = importlib.import_module("mpvi_bt.apps.cli.ros2_house").house
+        return command
+
+
+# What needs neither a simulator nor a known house.
+@click.group(
+    cls=_WithHouse,
+    invoke_without_command=True,
+    subcommand_metavar="[house [ARGS]...]",
+    context_settings={"default_map": {"map": "online", "policy": "reactive"}},
+)
+@click.option("--robot", metavar="NAME", help="The robot, by name or file.")
+@click.option("--bridge", metavar="NAME", help="Its topics: a bridge, by name or file.")
+@click.option("--allow-motion", is_flag=True, help="Send commands; without it nothing moves.")
+@click.option("--task", type=Name("tasks/plans"), help="Task to do.")
+@click.option("--instruction", default="", metavar="TEXT", help="Instruction to carry out, in place of a task.")
+@click.option(
+    "--param",
+    "params",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Fill in a parameter of the tree.",
+    shell_complete=complete_param,
+)
+@settings("tree", "plan", "seed")
+@method("robot", *_HERE)
+@settings(*_HERE, *ASKING)
+@out_folder("runs", "Folder of result and trace.")
+@click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.pass_context
+def ros2(ctx: click.Context, /, **given: Any) -> int | None:
+    """Run a task, an instruction or a tree on a robot over ROS 2. Nothing moves without --allow-motion.
+
+    `mpvi ros2 house` is such a robot: our simulated house, in a process of its own.
+
+    The bridge says which topics the robot has: docs/ros2.md. Ctrl-C and SIGTERM stop the robot. Exit code 0 where the
+    tree succeeds, 1 where it fails, 3 where the robot, a policy's server or a language model failed.
+    """
+    if ctx.invoked_subcommand is not None:
+        return None
+    return _run(**given)
+
+
+def _run(
+    robot: str | None,
+    bridge: str | None,
+    allow_motion: bool,
+    instruction: str,
+    params: tuple[str, ...],
+    out: Any,
+    watch: bool,
+    as_json: bool,
+    **executive: Any,
+) -> int:
+    for option, value in (("--robot", robot), ("--bridge", bridge)):
+        if not value:
+            raise click.UsageError(f"Missing option '{option}'.")
+    assert robot is not None
+    assert bridge is not None
+    task = executive.pop("task") or ""
+    if not (task or instruction or executive["tree"] or executive["plan"]):
+        raise click.UsageError("Nothing to do: give --task, --instruction or --tree.")
+    if task and instruction:
+        raise click.UsageError("--task and --instruction both set the work: give only one of them.")
+    from mpvi_bt.ground.robot.robots import robot_named
+    from mpvi_bt.runs.ros2.bridge_file import load_bridge
+    from mpvi_bt.runs.ros2.ros_packages import require_ros
+
+    model = robot_named(robot)
+    topics = load_bridge(bridge, model)
+    require_ros()
+    from mpvi_bt.executive.ticking.live import LiveTree
+    from mpvi_bt.executive.ticking.loop import Subscriber
+    from mpvi_bt.runs.ros2.ros_episode import play_on_robot
+    from mpvi_bt.runs.serving.served import ServedWork
+
+    check_writable(out)
+    config = EpisodeConfig(task, robot=robot, arguments=tuple(arguments(params).items()), **executive)  # type: ignore[arg-type]
+    watchers: list[Subscriber] = []
+    if watch:
+        watchers.append(LiveTree(sys.stderr if as_json else results(), f"{robot} over ROS 2"))
+    result = play_on_robot(ServedWork(config, instruction, out), topics, model, allow_motion, _note, watchers)
+    tell(json.dumps(result, indent=2) if as_json else brief_score(result, False, None, None))
+    if result["ended"] == "interrupted":
+        return INTERRUPTED
+    if result["ended"] == "backend_error":
+        return BackendError.exit_code
+    return 0 if result["success"] else 1
+
+
+def _note(line: str) -> None:
+    click.echo(f"mpvi: {line}", err=True)

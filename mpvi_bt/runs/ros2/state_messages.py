@@ -1,0 +1,140 @@
+"""What messages of joint states and odometry say, checked, and the robot's body put together from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.ground.errors import BadMessage
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.runs.ros2.bridge_file import Bridge, GripperCommands, joint_names
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class FeltJoint:
+    """One joint.
+
+    Attributes:
+        position, velocity: [m or rad], a second; no velocity: 0.
+        stamp_ns: When it was measured, in the robot's time.
+    """
+
+    position: float
+    velocity: float
+    stamp_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class FeltBase:
+    """The base.
+
+    Attributes:
+        pose: (3,) x, y [m], yaw [rad] in the fixed frame.
+        velocity: (3,) vx, vy [m/s], yaw rate [rad/s] in the frame of the base.
+        stamp_ns: When it was measured, in the robot's time.
+    """
+
+    pose: Array
+    velocity: Array
+    stamp_ns: int
+
+
+def stamp_of(header: Any) -> int:
+    """The stamp of a header [ns]; 0: none was written."""
+    return int(header.stamp.sec) * NS + int(header.stamp.nanosec)
+
+
+def read_joints(message: Any, topic: str, now_ns: int) -> dict[str, FeltJoint]:
+    """A sensor_msgs/JointState, by name of the joint. Raises BadMessage: it is no such thing.
+
+    Args:
+        message: What came.
+        topic: Where, for messages.
+        now_ns: The stamp of what has none.
+    """
+    names, positions, velocities = list(message.name), list(message.position), list(message.velocity)
+    if len(positions) != len(names) or len(velocities) not in (0, len(names)):
+        raise BadMessage(
+            f"{topic}: {len(names)} names, {len(positions)} positions and {len(velocities)} velocities do not fit"
+        )
+    wrong = [name for name, q in zip(names, positions, strict=True) if not np.isfinite(q)]
+    wrong += [name for name, v in zip(names, velocities, strict=False) if not np.isfinite(v)]
+    if wrong:
+        raise BadMessage(f"{topic}: the joint {wrong[0]} is not a finite number")
+    stamp = stamp_of(message.header) or now_ns
+    speeds = velocities or [0.0] * len(names)
+    return {name: FeltJoint(float(q), float(v), stamp) for name, q, v in zip(names, positions, speeds, strict=True)}
+
+
+def read_odometry(message: Any, topic: str, now_ns: int) -> FeltBase:
+    """A nav_msgs/Odometry. Raises BadMessage: it has numbers that are not finite, or no rotation."""
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    speed = message.twist.twist
+    pose = np.array([place.x, place.y, yaw_of(turn.x, turn.y, turn.z, turn.w, topic)])
+    velocity = np.array([speed.linear.x, speed.linear.y, speed.angular.z])
+    if not (np.isfinite(pose).all() and np.isfinite(velocity).all()):
+        raise BadMessage(f"{topic}: the base's place or speed is not a finite number")
+    return FeltBase(pose, velocity, stamp_of(message.header) or now_ns)
+
+
+def yaw_of(x: float, y: float, z: float, w: float, topic: str) -> float:
+    """The yaw [rad] of a quaternion. Raises BadMessage: it is not finite, or all 0."""
+    length = x * x + y * y + z * z + w * w
+    if not 0.5 < length < 2.0:
+        raise BadMessage(f"{topic}: the quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is no rotation")
+    return float(np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
+
+
+def needed_joints(robot: RobotDescription, bridge: Bridge) -> tuple[str, ...]:
+    """The joints that have to be felt: those of torso, arms and grippers."""
+    fingers = (name for entry in bridge.grippers.values() for name in entry.joints or ())
+    return (*joint_names(robot), *fingers)
+
+
+def body_of(robot: RobotDescription, bridge: Bridge, joints: Mapping[str, FeltJoint], base: FeltBase) -> Proprioception:
+    """What the robot feels; every needed joint is there."""
+
+    def at(names: tuple[str | None, ...]) -> Array:
+        return np.array([joints[name].position if name else 0.0 for name in names])
+
+    def speed(names: tuple[str | None, ...]) -> Array:
+        return np.array([joints[name].velocity if name else 0.0 for name in names])
+
+    openings = {side: _opening(entry, joints, robot.opening_m) for side, entry in bridge.grippers.items()}
+    return Proprioception(
+        base_pose=base.pose,
+        base_velocity=base.velocity,
+        torso=at(robot.torso_joints),
+        arm={side: at(robot.arm_joints[side]) for side in robot.sides},
+        arm_velocity={side: speed(robot.arm_joints[side]) for side in robot.sides},
+        gripper_width={side: openings[side][0] for side in robot.sides},
+        gripper_command={},
+        torso_velocity=speed(robot.torso_joints),
+        gripper_velocity={side: openings[side][1] for side in robot.sides},
+        robot=robot.name,
+        open_m=robot.opening_m,
+    )
+
+
+def finger_ends(entry: GripperCommands, opening_m: float) -> tuple[float, float]:
+    """Positions of each joint of a gripper: closed, and fully open."""
+    names = entry.joints or ()
+    return entry.closed, opening_m / max(1, len(names)) if entry.open is None else entry.open
+
+
+def _opening(entry: GripperCommands, joints: Mapping[str, FeltJoint], opening_m: float) -> tuple[float, float]:
+    """How wide a gripper is open [m], and how fast it opens [m/s]."""
+    names = entry.joints or ()
+    closed, opened = finger_ends(entry, opening_m)
+    scale = opening_m / (opened - closed) / max(1, len(names))
+    if abs(scale - 1.0) < 1e-12:  # fingers that slide: exact
+        scale = 1.0
+    width = sum(joints[name].position - closed for name in names) * scale
+    return float(width), float(sum(joints[name].velocity for name in names) * scale)
