@@ -19,7 +19,7 @@ import gymnasium
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import load_task
@@ -27,6 +27,7 @@ from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.maniskill.env import MpviHouseEnv
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
 TASK, INSTANCE = "picking_up_trash", 0
 Step = Callable[[Array], object]
@@ -105,26 +106,26 @@ def table(sides: Mapping[str, Step], rounds: int, steps: int) -> None:
 def idle(k: int) -> Array:
     """(23,) as the robot begins."""
     action = np.zeros(ACTION_SIZE)
-    action[StaticLayout.TORSO] = r1.TRAVEL_TORSO
-    for side, part in StaticLayout.ARM.items():
+    action[LAYOUT.torso] = r1.TRAVEL_TORSO
+    for side, part in LAYOUT.arm.items():
         action[part] = r1.TRAVEL_ARM[side]
-        action[StaticLayout.GRIPPER[side]] = 1.0
+        action[LAYOUT.gripper[side]] = 1.0
     return action
 
 
 def driving(k: int) -> Array:
     """(23,) turning on the spot, back and forth, and a little ahead and back."""
     action, way = idle(k), np.sign(np.sin(2 * np.pi * k / CONTROL_HZ))
-    action[StaticLayout.BASE] = (0.2 * way, 0.0, 0.5 * way)
+    action[BASE] = (0.2 * way, 0.0, 0.5 * way)
     return action
 
 
 def manipulating(k: int) -> Array:
     """(23,) both arms and the fingers moving."""
     action, wave = idle(k), np.sin(2 * np.pi * k / CONTROL_HZ)
-    for side, part in StaticLayout.ARM.items():
+    for side, part in LAYOUT.arm.items():
         action[part] += 0.1 * wave
-        action[StaticLayout.GRIPPER[side]] = wave
+        action[LAYOUT.gripper[side]] = wave
     return action
 
 

@@ -23,13 +23,14 @@ from benchmarks.searches.play import Job, play
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.protocols import Progress
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.house.instances.instances import begin, expanded_problem
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import prior_map
 from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
+from tests.layouts import BASE
 
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
 DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")
@@ -70,7 +71,7 @@ def against_bare(world: SimWorld) -> None:
     ours, bare = [], []
     for round_ in range(ROUNDS):
         direction = 1 if round_ % 2 else -1
-        action[StaticLayout.BASE] = (0.25 * direction, 0.0, 0.4 * direction)
+        action[BASE] = (0.25 * direction, 0.0, 0.4 * direction)
         started = time.perf_counter()
         for _ in range(STEPS):
             world.robot.act(action)
@@ -148,7 +149,7 @@ def ruled(name: str, on: Sequence[str], turning_rad_s: float) -> None:
     for round_ in range(ROUNDS):
         for all_of_them in (True, False):
             world.stepped = rules if all_of_them else switches  # type: ignore[method-assign]
-            action[StaticLayout.BASE] = (0.0, 0.0, turning_rad_s * (1 if (round_ + all_of_them) % 2 else -1))
+            action[BASE] = (0.0, 0.0, turning_rad_s * (1 if (round_ + all_of_them) % 2 else -1))
             started = time.process_time()
             for _ in range(STEPS):
                 world.robot.act(action)

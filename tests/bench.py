@@ -13,8 +13,8 @@ from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import BASE
 
 SKILLS = load_skills()
 HELD = "the cup is held in a gripper"
@@ -60,7 +60,7 @@ class Bench:
     @property
     def base(self) -> Array:
         """The base's part of the present command."""
-        return self.world.robot.action[StaticLayout.BASE]
+        return self.world.robot.action[BASE]
 
     @property
     def failure(self) -> Failure:

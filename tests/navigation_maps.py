@@ -7,7 +7,8 @@ import numpy as np
 from mpvi_bt.executive.plan.knowledge import Entry
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception
+from tests.layouts import ACTION_SIZE, BASE
 
 
 def two_rooms(door_m: float = 0.9, resolution_m: float = 0.05) -> OccupancyMap:
@@ -54,7 +55,7 @@ class KinematicRobot:
 
     def hold(self) -> None:
         """Stand still."""
-        self.action[StaticLayout.BASE] = 0.0
+        self.action[BASE] = 0.0
 
     def look(self, camera: str) -> CameraImage:
         """There is no camera."""
@@ -74,7 +75,7 @@ class KinematicRobot:
 
     def advance(self) -> None:
         """Carry out the command for one control step."""
-        self.velocity = self.action[StaticLayout.BASE].copy()
+        self.velocity = self.action[BASE].copy()
         dt = 1.0 / CONTROL_HZ
         yaw = self.pose[2] + self.velocity[2] * dt / 2
         c, s = np.cos(yaw), np.sin(yaw)

@@ -7,9 +7,9 @@ import pytest
 
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import Array, pose
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.house.sim.world import SimWorld
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed, run, small_house
 
 
@@ -22,7 +22,7 @@ def gripping(assisted: bool) -> tuple[SimWorld, Array]:
     run(world, action, 0.5)
     T = world.robot.hand_pose_world("right")
     world.place("can", pose(T[:3, 3] - [0, 0, 0.06]), fixed=True)
-    action[StaticLayout.GRIPPER["right"]] = -1.0
+    action[LAYOUT.gripper["right"]] = -1.0
     run(world, action, 1.0)
     world.place("can", world.pose("can"))
     run(world, action, 0.3)
@@ -33,9 +33,9 @@ def shake(world: SimWorld, action: Array) -> None:
     """Spin the base to and fro."""
     for _ in range(3):
         for rate in (1.5, -1.5):
-            action[StaticLayout.BASE] = (0.0, 0.0, rate)
+            action[BASE] = (0.0, 0.0, rate)
             run(world, action, 0.5)
-    action[StaticLayout.BASE] = 0.0
+    action[BASE] = 0.0
     run(world, action, 0.3)
 
 
@@ -75,7 +75,7 @@ def test_what_is_assisted_does_not_slip() -> None:
 def test_an_opening_hand_lets_go() -> None:
     """Told to open, an assisted hand drops what it held."""
     world, action = gripping(assisted=True)
-    action[StaticLayout.GRIPPER["right"]] = 1.0
+    action[LAYOUT.gripper["right"]] = 1.0
     run(world, action, 1.5)
     assert world.pose("can")[2, 3] < 0.1
     assert world.holding("right") is None
@@ -86,7 +86,7 @@ def test_a_world_that_is_restored_holds_what_it_held() -> None:
     world, action = gripping(assisted=True)
     saved = world.save()
     opened = action.copy()
-    opened[StaticLayout.GRIPPER["right"]] = 1.0
+    opened[LAYOUT.gripper["right"]] = 1.0
     run(world, opened, 1.0)
     assert world.holding("right") is None
     world.restore(saved)

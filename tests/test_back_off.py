@@ -11,13 +11,14 @@ import pytest
 from mpvi_bt.ground.geometry.solids import Array, box
 from mpvi_bt.ground.robot.collision import NOTHING, Surroundings
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.hands.motion.carry import back_off, settle, step_back
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.visual_search import look_from_elsewhere
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
+from tests.layouts import LAYOUT
 from tests.small_house import placed, run, small_world
 
 BEHIND = {side: placed("carton_of_milk", -0.58, y) for side, y in (("left", 0.2), ("right", -0.2))}
@@ -134,14 +135,14 @@ def test_an_arm_that_meets_what_nobody_knows_of_is_folded_from_farther_back() ->
     """No picture need have shown the shelf that an arm is still in: nothing on the way home seems to be there."""
     world = small_world()
     reaching = world.robot.action.copy()
-    reaching[StaticLayout.ARM["left"]] = (-0.9, 0.3, 0.0, -0.9, 0.0, 0.2, 0.0)
+    reaching[LAYOUT.arm["left"]] = (-0.9, 0.3, 0.0, -0.9, 0.0, 0.2, 0.0)
     run(world, reaching, 2.0)
     world.robot.act(reaching)
     work = Work(Unseeing(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     for action in settle(work):
         felt = work.motion.felt
         if felt.base_pose[0] > -0.1:
-            action[StaticLayout.ARM["left"]] = felt.arm["left"]
+            action[LAYOUT.arm["left"]] = felt.arm["left"]
         world.robot.act(action)
         world.step()
         work.motion.felt = world.robot.proprioception()
@@ -153,7 +154,7 @@ def test_a_robot_with_empty_hands_straightens_up_out_of_what_it_takes_itself_to_
     """What pictures hide counts as solid, above a desk that it is bent over, too: it would stay bent for ever."""
     world = small_world()
     bent = world.robot.action.copy()
-    bent[StaticLayout.TORSO] = (0.3, 0.0, 0.6, 0.2)
+    bent[LAYOUT.torso] = (0.3, 0.0, 0.6, 0.2)
     run(world, bent, 2.0)
     world.robot.act(bent)
     scene = Unseeing(world)

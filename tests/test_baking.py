@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mpvi_bt.ground.geometry.solids import pose
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.sim.future import future
 from mpvi_bt.house.sim.world import Placement, SimWorld
+from tests.layouts import ACTION_SIZE
 from tests.small_house import CATALOGUE, run, small_house
 
 OVEN = "{entry: oven, at: [1.5, 0.0], yaw_deg: 180}"

@@ -9,15 +9,16 @@ import pytest
 
 from mpvi_bt.executive.remote.dialect_settings import load_settings
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.house.sim.world import SimWorld
+from tests.layouts import ACTION_SIZE, LAYOUT
 from tests.remote_servers import PolicyServer
 from tests.small_house import placed, small_world
 
 REST = np.zeros(ACTION_SIZE, np.float32)  # BEHAVIOR's start: trunk, hanging arms, open hands
-REST[StaticLayout.TORSO] = [1.025, -1.45, -0.47, 0.0]
-REST[[StaticLayout.GRIPPER[side] for side in SIDES]] = 1.0
+REST[LAYOUT.torso] = [1.025, -1.45, -0.47, 0.0]
+REST[[LAYOUT.gripper[side] for side in SIDES]] = 1.0
 STEPS, CALLS = 15, 4  # actions of a chunk, and chunks: two seconds
 
 
@@ -50,7 +51,7 @@ def test_a_server_that_holds_still_leaves_the_robot_in_its_posture(name: str, ho
                 house.robot.act(action)
                 house.step()
         after, end = house.robot.proprioception(), house.robot.look("head")
-    np.testing.assert_allclose(after.torso, REST[StaticLayout.TORSO], atol=1e-3)
+    np.testing.assert_allclose(after.torso, REST[LAYOUT.torso], atol=1e-3)
     np.testing.assert_allclose(after.base_pose, before.base_pose, atol=1e-4)
     for side in SIDES:
         np.testing.assert_allclose(after.arm[side], 0.0, atol=1e-2)
@@ -64,8 +65,8 @@ def test_velocities_of_trunk_and_hands_are_felt(house: SimWorld) -> None:
     """They are how far joints and fingers go in a step, by its time, while a trunk rises and hands close."""
     for step in range(8):
         before, rising = house.robot.proprioception(), REST.astype(float)
-        rising[StaticLayout.TORSO] += 0.01 * step * np.array([-1, 1, 1, -1])
-        rising[[StaticLayout.GRIPPER[side] for side in SIDES]] -= 0.05 * step
+        rising[LAYOUT.torso] += 0.01 * step * np.array([-1, 1, 1, -1])
+        rising[[LAYOUT.gripper[side] for side in SIDES]] -= 0.05 * step
         house.robot.act(rising)
         house.step()
     after = house.robot.proprioception()

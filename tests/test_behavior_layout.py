@@ -26,8 +26,9 @@ from mpvi_bt.executive.remote.behavior_layout import (
 )
 from mpvi_bt.ground.errors import BadMessage
 from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.ground.robot.robots import robot_named
+from tests.layouts import ACTION_SIZE
 from tests.numbered_body import numbered_body
 
 # First index of each entry, as the table of BEHAVIOR's evaluator has them: left and right arm where there are two.

@@ -16,11 +16,12 @@ from mpvi_bt.executive.remote.prompts import prompt_of, read_prompts
 from mpvi_bt.executive.remote.task_settings import check_robot, with_task
 from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of, resize_with_crop
 from mpvi_bt.ground.errors import FileProblems, PolicyError, UnknownName, UserError
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, CameraImage, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import check_policy_choice, settings_for
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.numbered_body import numbered_body
 
 LINKS = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}
@@ -161,7 +162,7 @@ def test_an_r1pros_actions_are_behaviors(name: str) -> None:
     theirs = np.random.default_rng(0).normal(size=(3, ACTION_SIZE))
     theirs[:, :3] = [[0.5, -0.2, 1.0], [2.0, -7.0, 1.2], [0.0, 0.0, -3.0]]
     ours = actions_of({layout.key: theirs[None]}, layout, numbered_body())
-    np.testing.assert_allclose(ours[:, StaticLayout.BASE], [[0.375, -0.15, 1.0], [0.75, -0.75, 1.0], [0, 0, -1.0]])
+    np.testing.assert_allclose(ours[:, BASE], [[0.375, -0.15, 1.0], [0.75, -0.75, 1.0], [0, 0, -1.0]])
     assert np.array_equal(ours[:, 3:], theirs[:, 3:])
 
 
@@ -169,10 +170,8 @@ def test_behaviors_posture_does_not_turn_the_r1() -> None:
     """Its trunk's second joint, -1.45 rad, is no turn of the waist."""
     layout = load_settings("openpi_comet").action
     rest = np.zeros((1, ACTION_SIZE))
-    rest[:, StaticLayout.TORSO] = REST
-    lift, yaw, pitch, _ = actions_of({"actions": rest}, layout, replace(numbered_body(), robot="r1"))[
-        0, StaticLayout.TORSO
-    ]
+    rest[:, LAYOUT.torso] = REST
+    lift, yaw, pitch, _ = actions_of({"actions": rest}, layout, replace(numbered_body(), robot="r1"))[0, LAYOUT.torso]
     assert yaw == 0
     assert (lift, pitch) == (pytest.approx(0.453, abs=1e-3), pytest.approx(0.045))
 

@@ -19,10 +19,11 @@ from mpvi_bt.ground.errors import NodeError, UnknownName
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.ground.robot.limits import extremes, largest_step
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.testing import KinematicRobot
 from tests.bench import HELD, PICK, PLACES, Bench, tree
+from tests.layouts import ACTION_SIZE, BASE
 
 
 def test_navigate_gets_there_and_stands_still() -> None:
@@ -61,8 +62,8 @@ def test_an_interrupted_leaf_stops_the_robot(root: str) -> None:
     moving = bench.world.robot.action
     bench.tree.interrupt()
     held = bench.world.robot.action
-    assert not held[StaticLayout.BASE].any()
-    assert root == PICK or moving[StaticLayout.BASE].any()
+    assert not held[BASE].any()
+    assert root == PICK or moving[BASE].any()
     bench.world.robot.act(held)
     bench.world.step()
     assert np.allclose(bench.world.robot.action, held)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.ground.robot.protocol import StaticLayout
+from tests.layouts import BASE
 from tests.small_house import run, small_world
 
 
@@ -17,7 +17,7 @@ def test_a_wall_that_is_driven_into() -> None:
     run(world, action, 1.0)
     assert bumps.forces == {}
     assert bumps.worst == 0.0
-    action[StaticLayout.BASE] = 0.5, 0.0, 0.0
+    action[BASE] = 0.5, 0.0, 0.0
     run(world, action, 5.0)
     assert set(bumps.forces) == {"wall_hall"}
     assert 20.0 < bumps.worst < np.inf

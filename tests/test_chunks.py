@@ -15,9 +15,9 @@ from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
-from mpvi_bt.testing import GripPolicy, check_policy
+from mpvi_bt.testing import GripPolicy, KinematicRobot, check_policy
 from tests.bench import Bench
+from tests.layouts import ACTION_SIZE
 
 
 class Foreseeing:
@@ -40,7 +40,7 @@ class Foreseeing:
 
 
 def ask(policy: Policy, prompt: str = "pick up the cup") -> Array:
-    return policy.infer({"prompt": prompt, "proprioception": None, "images": {}})
+    return policy.infer({"prompt": prompt, "proprioception": KinematicRobot().proprioception(), "images": {}})
 
 
 @given(length=st.integers(1, 20), horizon=st.integers(1, 20))

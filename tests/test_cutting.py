@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mpvi_bt.ground.geometry.solids import bounds
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.sim.future import future
 from mpvi_bt.house.sim.world import Placement, SimWorld
+from tests.layouts import ACTION_SIZE
 from tests.small_house import CATALOGUE, placed, run, small_house, small_world
 
 STILL = np.zeros(ACTION_SIZE)

@@ -26,18 +26,18 @@ from mpvi_bt.executive.tree.yaml_io import load_tree
 from mpvi_bt.ground.errors import FileProblems, UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.paths import find
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
 from mpvi_bt.runs.datasets.lerobot import DatasetForm, write_dataset
 from mpvi_bt.runs.datasets.normalization import QUANTILES
 from mpvi_bt.runs.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder, state
 from tests.demonstrating import Moving, held, recorded, told
+from tests.layouts import ACTION_SIZE, LAYOUT
 
 
 def test_a_row_has_what_was_felt_at_its_beginning_and_what_was_told_until_the_next(tmp_path: Path) -> None:
     """Ten rows a second: state and pose are of every third step, joint targets of the step before the next."""
     frames = read_demonstration(recorded(tmp_path / "one", 5)).frames
-    first = StaticLayout.TORSO.start
+    first = LAYOUT.torso.start
     assert (frames["action"][:, first] - first).tolist() == [200, 500, 800, 1100, 1200]
     assert frames["base_pose"][:, 0].tolist() == [0, 3, 6, 9, 12]
     assert frames["state"].shape == (5, ACTION_SIZE)
@@ -47,9 +47,9 @@ def test_the_state_has_the_order_of_the_action() -> None:
     """Where an action commands a joint, the state tells that joint; a gripper's opening stands at its command."""
     felt = Moving().proprioception()
     values = state(felt)
-    assert (values[StaticLayout.ARM["right"]] == felt.arm["right"]).all()
-    assert values[StaticLayout.GRIPPER["left"]] == felt.gripper_width["left"]
-    assert (values[StaticLayout.TORSO] == felt.torso).all()
+    assert (values[LAYOUT.arm["right"]] == felt.arm["right"]).all()
+    assert values[LAYOUT.gripper["left"]] == felt.gripper_width["left"]
+    assert (values[LAYOUT.torso] == felt.torso).all()
 
 
 def test_a_row_says_where_cameras_were_against_the_base(tmp_path: Path) -> None:

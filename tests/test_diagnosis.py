@@ -29,7 +29,7 @@ from mpvi_bt.executive.trace.read import read_trace
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.runs.episode.queries import with_truth
 from mpvi_bt.runs.episode.result import kept_handoff, read_result, write_result
@@ -39,6 +39,7 @@ from mpvi_bt.runs.report.page import report_page
 from mpvi_bt.runs.report.runs import Runs
 from mpvi_bt.runs.report.timeline import timeline
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import ACTION_SIZE, LAYOUT
 from tests.synthetic_suites import synthetic_result, synthetic_runs
 
 SKILLS = load_skills()
@@ -55,8 +56,8 @@ root:
       - check_complete: {HELD}
 """
 ALONE = "tree: alone\nroot:\n  manipulate: pick up the cup\n"
-RIGHT = StaticLayout.ARM["right"]
-GRIPPER = StaticLayout.GRIPPER["right"]
+RIGHT = LAYOUT.arm["right"]
+GRIPPER = LAYOUT.gripper["right"]
 
 
 class Moving:
@@ -79,10 +80,10 @@ class Moving:
         """(10, 23)."""
         body: Proprioception = observation["proprioception"]
         still = np.zeros(ACTION_SIZE)
-        still[StaticLayout.TORSO] = body.torso
+        still[LAYOUT.torso] = body.torso
         for side in body.sides:
-            still[StaticLayout.ARM[side]] = body.arm[side]
-            still[StaticLayout.GRIPPER[side]] = body.gripper_command[side]
+            still[LAYOUT.arm[side]] = body.arm[side]
+            still[LAYOUT.gripper[side]] = body.gripper_command[side]
         rows = []
         for _ in range(self.horizon):
             rows.append(self.act(still))

@@ -15,13 +15,14 @@ from mpvi_bt.finding.perception.segmentation import SegmentationDetector
 from mpvi_bt.finding.scene.discovery import Discoveries
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, pose
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import knowledge, prior_map
 from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.things.catalogue import CatalogueEntry
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_discovery import Clock, Pose, body, disturbed
 
@@ -189,12 +190,12 @@ def test_a_can_is_followed_from_the_hand_to_the_floor() -> None:
     arm = R1.nearest_posture(kin.inverse(R1.chest(r1.TRAVEL_TORSO)) @ T_base_hand, "right", right)
     assert arm is not None
     action = world.robot.action.copy()
-    action[StaticLayout.TORSO], action[StaticLayout.ARM["right"]] = r1.TRAVEL_TORSO, arm
-    action[StaticLayout.ARM["left"]] = r1.TRAVEL_ARM["left"]
+    action[LAYOUT.torso], action[LAYOUT.arm["right"]] = r1.TRAVEL_TORSO, arm
+    action[LAYOUT.arm["left"]] = r1.TRAVEL_ARM["left"]
     made = Discoveries(KnowledgeBase(), ["can of soda"], SegmentationDetector({"can": ("can of soda",)}), world)
 
     def steps(seconds: float, gripper: float, base: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
-        action[StaticLayout.GRIPPER["right"]], action[StaticLayout.BASE] = gripper, base
+        action[LAYOUT.gripper["right"]], action[BASE] = gripper, base
         for _ in range(round(seconds * CONTROL_HZ)):
             world.robot.act(action)
             world.step()

@@ -16,9 +16,10 @@ from mpvi_bt.executive.drawing import symbols
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.tree.yaml_io import load_tree
 from mpvi_bt.ground.robot.camera import Camera
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, CameraImage, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.hands.robots import r1
 from tests import warm
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
 ROOT = Path(__file__).parent.parent
 OBSERVATIONS = (ROOT / "docs" / "observations.md").read_text(encoding="utf-8")
@@ -35,9 +36,9 @@ def test_every_observation_is_documented() -> None:
 
 def test_the_action_table_is_the_layout() -> None:
     """Its slices are those of the code, and cover the whole action."""
-    slices = [StaticLayout.BASE, StaticLayout.TORSO]
+    slices = [BASE, LAYOUT.torso]
     for side in SIDES:
-        slices += [StaticLayout.ARM[side], slice(StaticLayout.GRIPPER[side], StaticLayout.GRIPPER[side] + 1)]
+        slices += [LAYOUT.arm[side], slice(LAYOUT.gripper[side], LAYOUT.gripper[side] + 1)]
     rows = re.findall(r"^\| (\d+)(?::(\d+))? \|", OBSERVATIONS, flags=re.MULTILINE)
     assert [(int(a), int(b or int(a) + 1)) for a, b in rows] == [(s.start, s.stop) for s in slices]
     assert slices[-1].stop == ACTION_SIZE

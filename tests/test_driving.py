@@ -17,8 +17,9 @@ from mpvi_bt.finding.navigation.traversability import Traversability, traversabi
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.hands.robots import r1
+from tests.layouts import BASE
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 FOOTPRINT_M = 0.33
@@ -213,7 +214,7 @@ def test_a_way_that_closes_ends_the_drive_at_rest() -> None:
     reason, poses = drive(robot, driver, [np.array([7.0, 2.0, 0.0])], Eyes(robot, grid_map, grid_map))
     assert reason == "no_path"
     assert poses[-1][0] < 3.0
-    assert not robot.action[StaticLayout.BASE].any()
+    assert not robot.action[BASE].any()
     assert steady(poses, driver.parameters.limits.acceleration_m_s2)
 
 
@@ -312,7 +313,7 @@ def test_it_brakes_gently_when_it_is_told_to_go_no_farther() -> None:
         robot.advance()
         poses.append(robot.pose.copy())
     assert 3.0 < robot.pose[0] < 3.4
-    assert not robot.action[StaticLayout.BASE].any()
+    assert not robot.action[BASE].any()
     assert steady(poses, driver.parameters.limits.acceleration_m_s2)
 
 

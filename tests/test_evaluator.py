@@ -18,12 +18,12 @@ from websockets.sync.server import ServerConnection, serve
 from mpvi_bt.apps.cli.evaluate_server import evaluate as command
 from mpvi_bt.executive.remote.codec import pack, unpack
 from mpvi_bt.ground.errors import PolicyError, UserError
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.episode import run
 from mpvi_bt.runs.serving.evaluator import Evaluation, evaluate
 from mpvi_bt.runs.serving.served import ServedWork, executive_server
 from tests.driven import Acts, Ear
+from tests.layouts import LAYOUT
 from tests.serving import running
 
 TASK = "picking_up_trash"
@@ -84,7 +84,7 @@ def test_it_goes_on_as_the_evaluators_do(tmp_path: Path) -> None:
         assert heard[1]["robot_r1::proprio"].shape == (1, 61)
         assert heard[1]["task_id"].tolist() == [[1]]
         np.testing.assert_allclose(heard[1]["robot_r1::cam_rel_poses"][0], old["robot_r1::cam_rel_poses"], atol=1e-3)
-        np.testing.assert_allclose(heard[1]["robot_r1::proprio"][0, 53:57], START[StaticLayout.TORSO], atol=1e-2)
+        np.testing.assert_allclose(heard[1]["robot_r1::proprio"][0, 53:57], START[LAYOUT.torso], atol=1e-2)
         assert len(ear.actions) == 10
     told = json.loads((tmp_path / "metrics" / f"{TASK}_0_0.json").read_text())
     assert told == first.result

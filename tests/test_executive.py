@@ -25,9 +25,9 @@ from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.compile import compile_plan
 from mpvi_bt.ground.errors import BackendError, NodeError, PolicyError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.runs.recording.recorder import Recorder as TraceRecorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import BASE
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
@@ -108,7 +108,7 @@ def test_the_time_limit_ends_it() -> None:
     outcome = run_episode(tree, world, context, max_time_s=1.0)
     assert outcome.ending == "time_limit"
     assert outcome.time_s == pytest.approx(1.0, abs=1 / 30)
-    assert not world.robot.action[StaticLayout.BASE].any()
+    assert not world.robot.action[BASE].any()
 
 
 def test_the_wall_clock_is_a_guard() -> None:
@@ -128,7 +128,7 @@ def test_ctrl_c_stops_the_robot_and_closes_everything() -> None:
     first, last = Recorder(), Recorder()
     with pytest.raises(KeyboardInterrupt):
         run_episode(tree, world, context, [first, Interrupting(0.5), last])
-    assert not world.robot.action[StaticLayout.BASE].any()
+    assert not world.robot.action[BASE].any()
     assert first.calls == last.calls == ["start", "end"]
     assert all(node.status == Status.INVALID for node in tree.nodes.values())
     assert first.outcome is not None
@@ -159,7 +159,7 @@ def test_an_error_in_a_behavior_ends_the_episode() -> None:
     with pytest.raises(NodeError, match="manipulate"):
         run_episode(tree, world, context, [watcher])
     assert watcher.calls == ["start", "end"]
-    assert not world.robot.action[StaticLayout.BASE].any()
+    assert not world.robot.action[BASE].any()
 
 
 @pytest.mark.parametrize("at_call", [0, 2])
@@ -181,7 +181,7 @@ def test_a_policys_backend_that_fails_ends_the_episode_as_such(at_call: int, tmp
     assert outcome.failure is not None
     assert (outcome.failure.reason, outcome.failure.evidence) == ("server_closed", "openpi:ws://there: it went away")
     assert outcome.failure.path.endswith("/manipulate")
-    assert not world.robot.action[StaticLayout.BASE].any()
+    assert not world.robot.action[BASE].any()
     end = read_trace(file).end
     assert end is not None
     assert end.error is not None

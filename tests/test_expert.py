@@ -11,13 +11,14 @@ import pytest
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.scripted_policy import Performance
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.states.relations import inside, nextto, ontop, under
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.testing import check_policy
+from tests.layouts import LAYOUT
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -88,7 +89,7 @@ def test_a_new_prompt_begins_anew() -> None:
         felt = world.robot.proprioception()
         (action,) = expert.infer({"prompt": prompt, "proprioception": felt, "images": {}})
         for s in SIDES:
-            assert np.abs(action[StaticLayout.ARM[s]] - felt.arm[s]).max() < 0.2
+            assert np.abs(action[LAYOUT.arm[s]] - felt.arm[s]).max() < 0.2
         world.robot.act(action)
         world.step()
     expert.close()

@@ -21,9 +21,10 @@ from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.finding.scene.visibility import VisibilityMap
 from mpvi_bt.ground.errors import DetectorError
 from mpvi_bt.ground.protocols import Progress, Report, StepClock
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception
 from mpvi_bt.hands.robots import r1
 from tests.depth_pictures import Box, picture, walls
+from tests.layouts import LAYOUT
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 CUP = thing("cup", (7.2, 0.6, 0.06), (0.1, 0.1, 0.12))
@@ -59,16 +60,16 @@ class Rising(Seeing):
 
     def __init__(self, x: float, y: float, yaw: float, boxes: Sequence[Box]) -> None:
         super().__init__(x, y, yaw, boxes)
-        self.action[StaticLayout.TORSO] = r1.TRAVEL_TORSO
+        self.action[LAYOUT.torso] = r1.TRAVEL_TORSO
 
     def proprioception(self) -> Proprioception:
         """With that torso."""
-        return replace(super().proprioception(), torso=self.action[StaticLayout.TORSO].copy())
+        return replace(super().proprioception(), torso=self.action[LAYOUT.torso].copy())
 
     def look(self, camera: str) -> CameraImage:
         """A picture from where the head is."""
         assert camera == "head"
-        return picture(self.at(), self.boxes, 0.5, self.action[StaticLayout.TORSO])
+        return picture(self.at(), self.boxes, 0.5, self.action[LAYOUT.torso])
 
 
 class BoxDetector:

@@ -22,7 +22,6 @@ from mpvi_bt.ground.robot.collision import Body
 from mpvi_bt.ground.robot.drives import legs
 from mpvi_bt.ground.robot.limits import extremes
 from mpvi_bt.ground.robot.motion import Motion
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.robots.fetch import FETCH
 from mpvi_bt.hands.robots.fetch_urdf import fetch_urdf
@@ -32,6 +31,7 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode import episode
 from mpvi_bt.runs.episode.prepare import prepare_episode
 from mpvi_bt.testing import check_robot
+from tests.layouts import BASE, LAYOUT
 from tests.navigation_maps import KinematicRobot, two_rooms
 from tests.small_house import placed, small_world
 
@@ -104,9 +104,9 @@ def test_it_keeps_the_robots_contract(world: SimWorld) -> None:
 def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     """Hand and cameras are where forward kinematics of what is felt puts them, to half a millimeter."""
     action = world.robot.action
-    action[StaticLayout.TORSO] = 0.3, 0.0, 0.0, 0.4
-    action[StaticLayout.ARM["right"]] = 0.4, 0.3, 0.5, 0.9, -0.4, 0.8, 0.3
-    action[StaticLayout.BASE] = 0.2, 0.0, 0.3
+    action[LAYOUT.torso] = 0.3, 0.0, 0.0, 0.4
+    action[LAYOUT.arm["right"]] = 0.4, 0.3, 0.5, 0.9, -0.4, 0.8, 0.3
+    action[BASE] = 0.2, 0.0, 0.3
     for _ in range(150):
         world.robot.act(action)
         world.step()
@@ -121,7 +121,7 @@ def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     wrist = base @ FETCH.wrist_camera(felt.torso, felt.arm["right"], "right")
     np.testing.assert_allclose(there["head_camera_link"] @ TO_OPTICAL, head, atol=1e-3)
     np.testing.assert_allclose(there["wrist_camera_link"] @ TO_OPTICAL, wrist, atol=1e-3)
-    np.testing.assert_allclose(felt.arm["right"], action[StaticLayout.ARM["right"]], atol=0.01)
+    np.testing.assert_allclose(felt.arm["right"], action[LAYOUT.arm["right"]], atol=0.01)
 
 
 def test_it_drives_to_poses_without_going_sideways(world: SimWorld) -> None:
@@ -168,7 +168,7 @@ def test_pursuit_on_two_wheels_reaches_the_pose(goal: tuple[float, float, float]
             break
         command = follower.command(robot.pose)
         assert command[1] == 0.0
-        robot.action[StaticLayout.BASE] = command
+        robot.action[BASE] = command
         robot.advance()
     assert follower.reached(robot.pose, robot.velocity)
 
@@ -237,7 +237,7 @@ def test_its_cameras_show_what_is_before_them() -> None:
     """The head sees a can on the floor ahead, the wrist the fingers; each in its own size."""
     world = small_world({"can_1": placed("can_of_soda", 1.1, 0.0)}, render=True, robot=FETCH)
     action = world.robot.action
-    action[StaticLayout.TORSO] = 0.2, 0.0, 0.0, 0.75
+    action[LAYOUT.torso] = 0.2, 0.0, 0.0, 0.75
     for _ in range(30):
         world.robot.act(action)
         world.step()

@@ -7,8 +7,9 @@ import pytest
 
 from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.robot.grip import GripWatch
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M
 from mpvi_bt.house.sim.world import SimWorld
+from tests.layouts import LAYOUT
 from tests.small_house import placed, small_world
 
 SOON_S = 0.5
@@ -21,7 +22,7 @@ def close(world: SimWorld, watch: GripWatch, seconds: float) -> list[tuple[float
     found: list[tuple[float, str]] = []
     action, shut = world.robot.action, False
     for step in range(1, round(seconds * CONTROL_HZ) + 1):
-        action[StaticLayout.GRIPPER["right"]] = max(-1.0, 1.0 - 2.0 * step / (CLOSE_S * CONTROL_HZ))
+        action[LAYOUT.gripper["right"]] = max(-1.0, 1.0 - 2.0 * step / (CLOSE_S * CONTROL_HZ))
         world.robot.act(action)
         world.step()
         felt = world.robot.proprioception()

@@ -10,8 +10,8 @@ from mpvi_bt.finding.scene.seen import Seen
 from mpvi_bt.finding.shapes.in_part import in_part
 from mpvi_bt.finding.shapes.shape import Shape
 from mpvi_bt.ground.geometry.solids import box
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.house.sim.world import SimWorld
+from tests.layouts import LAYOUT
 from tests.small_house import run, small_world
 
 pytestmark = pytest.mark.render
@@ -22,7 +22,7 @@ OVER, UP = 0.55, 0.0  # tilts of the head: its lower edge in the picture, and al
 
 def look(world: SimWorld, seen: Seen, tilt: float) -> None:
     action = world.robot.action
-    action[StaticLayout.TORSO] = [0.55, 0.0, 0.0, tilt]
+    action[LAYOUT.torso] = [0.55, 0.0, 0.0, tilt]
     run(world, action, 1.5)
     seen.see({"head": world.robot.look("head")}, world.robot.proprioception())
 

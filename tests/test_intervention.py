@@ -15,11 +15,11 @@ from mpvi_bt.executive.monitors.signals import SIGNALS
 from mpvi_bt.executive.ticking.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.ground.errors import BackendError, NodeError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.runs.choices.lateness import LateChecker
 from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.testing import StraightNavigator
 from tests.bench import HELD, PICK, PLACES, Bench
+from tests.layouts import ACTION_SIZE, LAYOUT
 
 WATCHED = "monitor: pick\nchild:\n  " + PICK.replace("\n", "\n  ")
 
@@ -34,8 +34,8 @@ class Shaking:
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         action = np.zeros((2, ACTION_SIZE))
-        action[:, StaticLayout.TORSO] = observation["proprioception"].torso
-        action[1, StaticLayout.ARM["right"]] = 0.01
+        action[:, LAYOUT.torso] = observation["proprioception"].torso
+        action[1, LAYOUT.arm["right"]] = 0.01
         return action
 
 

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.arms import posture_distance
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
 MIRROR = np.diag([1.0, -1.0, 1.0])  # in the xz plane
 
@@ -219,11 +220,11 @@ def test_base_is_a_planar_pose(x: float, y: float, yaw: float) -> None:
 def test_the_action_is_covered_once() -> None:
     """Base, torso, arms and grippers take each of the 23 numbers, none twice."""
     taken = np.zeros(ACTION_SIZE, int)
-    parts: list[slice | int] = [StaticLayout.BASE, StaticLayout.TORSO]
-    parts += [*StaticLayout.ARM.values(), *StaticLayout.GRIPPER.values()]
+    parts: list[slice | int] = [BASE, LAYOUT.torso]
+    parts += [*LAYOUT.arm.values(), *LAYOUT.gripper.values()]
     for part in parts:
         taken[part] += 1
     assert (taken == 1).all()
-    assert [s.stop - s.start for s in (StaticLayout.BASE, StaticLayout.TORSO, *StaticLayout.ARM.values())] == [
+    assert [s.stop - s.start for s in (BASE, LAYOUT.torso, *LAYOUT.arm.values())] == [
         len(r1.BASE_JOINTS), len(r1.TORSO_JOINTS), *(len(r1.ARM_JOINTS[s]) for s in SIDES)
     ]  # fmt: skip

@@ -16,10 +16,11 @@ from mpvi_bt.executive.behaviors.context import Log, Query, Replan
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.runs.disturbances.answer_times import TimedPolicy, measured_times
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.runs.disturbances.latency import LONGEST_S, PARTS, Latency, in_steps, read_latencies
+from tests.layouts import ACTION_SIZE
 
 BODY = Proprioception(
     base_pose=np.zeros(3),

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import CameraImage, StaticLayout
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.hands.learned import mirroring
 from mpvi_bt.hands.learned.acting import chunk
 from mpvi_bt.hands.learned.demonstration import Demonstration
@@ -29,6 +29,7 @@ from mpvi_bt.hands.learned.policy import WEIGHTS, LearnedPolicy
 from mpvi_bt.hands.robots.r1 import R1, TRAVEL_TORSO
 from mpvi_bt.testing.contracts import check_policy
 from mpvi_bt.testing.doubles import KinematicRobot
+from tests.layouts import LAYOUT
 
 SKILLS = load_skills()
 VOCABULARY = {"can.n.01_1": ("can",), "robot": ("robot",)}
@@ -107,11 +108,11 @@ def test_what_the_left_hand_demonstrates_is_kept_as_if_the_right_one_did_it():
     """Training reads the right hand's columns: there are the left one's commands and posture, mirrored."""
     rng = np.random.default_rng(0)
     action, points = rng.random((1, 23)), rng.random((1, 128, 3))
-    base, torso, arm = action[:, :3], action[:, StaticLayout.TORSO], action[:, StaticLayout.ARM["left"]]
+    base, torso, arm = action[:, :3], action[:, LAYOUT.torso], action[:, LAYOUT.arm["left"]]
     shown = Demonstration(base, base, torso, arm, np.ones(1), action, points, np.zeros(1)).mirrored()
-    assert np.allclose(shown.arm, shown.action[:, StaticLayout.ARM["right"]])
-    assert np.allclose(shown.torso, shown.action[:, StaticLayout.TORSO])
-    assert shown.action[0, StaticLayout.GRIPPER["right"]] == action[0, StaticLayout.GRIPPER["left"]]
+    assert np.allclose(shown.arm, shown.action[:, LAYOUT.arm["right"]])
+    assert np.allclose(shown.torso, shown.action[:, LAYOUT.torso])
+    assert shown.action[0, LAYOUT.gripper["right"]] == action[0, LAYOUT.gripper["left"]]
     M = np.diag([1.0, -1.0, 1.0, 1.0])
     hand = bases(shown.base)[0] @ R1.tcp(shown.torso[0], shown.arm[0], "right")
     assert np.allclose(hand, M @ bases(base)[0] @ R1.tcp(torso[0], arm[0], "left") @ M)
@@ -305,7 +306,7 @@ def test_a_hand_that_rests_at_its_pose_opens(tmp_path: Path):
     skills = {"place_next_to": Networks({**networks, last: bias})}
     replace(weights, skills=skills).save(tmp_path / "w.npz")
     chunks = itertools.islice(placing(policy(weights=tmp_path / "w.npz")), 90)
-    told = [float(rows[-1, StaticLayout.GRIPPER["right"]]) for rows in chunks]
+    told = [float(rows[-1, LAYOUT.gripper["right"]]) for rows in chunks]
     assert told[:10] == [-1.0] * 10
     assert max(told) == 1.0
 
@@ -328,7 +329,7 @@ def placing(hands):
         yield rows
         for action in rows:
             robot.advance(action)
-        grip = float(rows[-1, StaticLayout.GRIPPER["right"]])
+        grip = float(rows[-1, LAYOUT.gripper["right"]])
 
 
 @given(st.floats(-1.0, 1.0), st.floats(0.1, 0.5))

@@ -12,7 +12,6 @@ import pytest
 from mpvi_bt.apps.cli import main
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.learned import training
 from mpvi_bt.hands.learned.batches import Batches
 from mpvi_bt.hands.learned.demonstration import Demonstration
@@ -21,6 +20,7 @@ from mpvi_bt.hands.learned.mirroring import BODY, SIDE
 from mpvi_bt.hands.learned.network import Networks, Weights
 from mpvi_bt.hands.learned.training import Training, train
 from mpvi_bt.hands.learned.training_set import read_frames
+from tests.layouts import LAYOUT
 
 STEPS, CLOSED = 120, 90
 
@@ -33,8 +33,8 @@ def demonstrate(path: Path, seed: int, grip: float = 1.0) -> None:
     arm = BODY.travel_arm[SIDE] + share * rng.normal(0, 0.3, 7)
     n = len(moving)
     action = np.zeros((n, 23))
-    action[:, StaticLayout.TORSO], action[:, StaticLayout.ARM[SIDE]] = BODY.travel_torso, arm
-    action[:, StaticLayout.GRIPPER[SIDE]] = np.where(moving >= CLOSED, -grip, grip)
+    action[:, LAYOUT.torso], action[:, LAYOUT.arm[SIDE]] = BODY.travel_torso, arm
+    action[:, LAYOUT.gripper[SIDE]] = np.where(moving >= CLOSED, -grip, grip)
     base = np.repeat(rng.normal(0, 0.3, (1, 3)), n, 0)
     around = np.array([0.6, 0.0, 0.7]) + rng.normal(0, 0.05, (n // 10 + 1, 128, 3))
     Demonstration(

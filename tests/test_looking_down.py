@@ -10,13 +10,14 @@ import pytest
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Actions, Motion
-from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.motion.gaze import look_down, turn_to
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.hands.skills.drop import reach_over
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
+from tests.layouts import LAYOUT
 from tests.small_house import placed, small_world
 
 HANDS: dict[Side, Array] = {  # T_base_tcp in which the r1pro carries a bin by its handle, and a can
@@ -49,8 +50,8 @@ def carry_out(work: Work, actions: Actions) -> list[Array]:
     """Every action at once as told; the torsos on the way."""
     torsos = []
     for action in actions:
-        arm = {side: action[StaticLayout.ARM[side]].copy() for side in SIDES}
-        torsos.append(action[StaticLayout.TORSO].copy())
+        arm = {side: action[LAYOUT.arm[side]].copy() for side in SIDES}
+        torsos.append(action[LAYOUT.torso].copy())
         work.motion.felt = replace(work.motion.felt, torso=torsos[-1], arm=arm, arm_command=arm)
     return torsos
 

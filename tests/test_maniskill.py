@@ -25,7 +25,6 @@ from mani_skill.utils.wrappers.record import RecordEpisode
 from mpvi_bt.ground.errors import BackendError, UnknownName, UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.robot.model import SIGN
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.fetch import FETCH
 from mpvi_bt.hands.robots.r1 import R1
@@ -35,6 +34,7 @@ from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.maniskill import MpviHouseEnv
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
 TASK = "picking_up_trash"
 
@@ -90,9 +90,9 @@ def wanders(steps: int, seed: int = 0) -> np.ndarray:
     at = np.arange(steps)[:, None] / 30
     waves = np.sin(at * rng.uniform(0.5, 2.0, ACTION_SIZE) + rng.uniform(0, 6, ACTION_SIZE))
     actions = np.zeros((steps, ACTION_SIZE))
-    actions[:, StaticLayout.BASE] = waves[:, :3] * [0.4, 0.2, 0.8]
-    actions[:, StaticLayout.TORSO] = r1.TRAVEL_TORSO + waves[:, 3:7] * [0.05, 0.2, 0.1, 0.2]
-    for side, part in StaticLayout.ARM.items():
+    actions[:, BASE] = waves[:, :3] * [0.4, 0.2, 0.8]
+    actions[:, LAYOUT.torso] = r1.TRAVEL_TORSO + waves[:, 3:7] * [0.05, 0.2, 0.1, 0.2]
+    for side, part in LAYOUT.arm.items():
         actions[:, part] = r1.TRAVEL_ARM[side] + 0.15 * waves[:, part]
     return actions.astype(np.float32)
 

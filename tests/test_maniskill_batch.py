@@ -19,7 +19,6 @@ from mani_skill.utils.structs import Pose
 from mpvi_bt.ground.errors import BackendError, UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.robot.limits import within_limits
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.house.goals.evaluate import snapshot
 from mpvi_bt.house.goals.predicates import truth_in
@@ -33,6 +32,7 @@ from mpvi_bt.house.maniskill.env import MpviHouseEnv
 from mpvi_bt.house.sim.shaders import new_scene
 from mpvi_bt.house.sim.sim_robot import SimRobot
 from mpvi_bt.house.sim.world import SimWorld
+from tests.layouts import LAYOUT
 
 TASK = "picking_up_trash"
 
@@ -68,8 +68,8 @@ def commands(steps: int) -> np.ndarray:
     """(steps, 3, 23) commands near the posture to drive in; the last are the ones before over again."""
     rng = np.random.default_rng(0)
     wild = rng.uniform(-1, 1, (steps, 3, 23)) * 0.3
-    wild[..., StaticLayout.TORSO] += r1.TRAVEL_TORSO
-    for side, part in StaticLayout.ARM.items():
+    wild[..., LAYOUT.torso] += r1.TRAVEL_TORSO
+    for side, part in LAYOUT.arm.items():
         wild[..., part] += r1.TRAVEL_ARM[side]
     wild[-3:] = wild[-4]
     return np.array([[within_limits(r1.R1, row) for row in rows] for rows in wild])

@@ -15,7 +15,8 @@ from mpvi_bt.executive.monitors.calibration import Calibration, Run, calibrate, 
 from mpvi_bt.executive.monitors.signals import SIGNALS, Signals
 from mpvi_bt.ground.errors import FileProblems, UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from tests.layouts import ACTION_SIZE, LAYOUT
 from tests.test_latency import BODY
 
 
@@ -28,7 +29,7 @@ def runs(count: int, seed: int, shift: float = 0.0, length: int = 40) -> list[Ru
 
 def moving(arm: float) -> Array:
     action = np.zeros(ACTION_SIZE)
-    action[StaticLayout.ARM["right"]] = arm
+    action[LAYOUT.arm["right"]] = arm
     return action
 
 

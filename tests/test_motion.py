@@ -16,10 +16,11 @@ from mpvi_bt.ground.robot.arm_motion import stay, sweep
 from mpvi_bt.ground.robot.collision import Body, Surroundings
 from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure, smooth
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1pro import R1PRO
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
 
 def feeling(base: Array | None = None) -> Proprioception:
@@ -37,7 +38,7 @@ def feeling(base: Array | None = None) -> Proprioception:
 
 def obey(felt: Proprioception, action: Array) -> Proprioception:
     """What a robot feels that did exactly as it was told for one step."""
-    vx, vy, w = action[StaticLayout.BASE]
+    vx, vy, w = action[BASE]
     x, y, yaw = felt.base_pose
     c, s = np.cos(yaw + w / CONTROL_HZ / 2), np.sin(yaw + w / CONTROL_HZ / 2)
     moved = np.array([x + (c * vx - s * vy) / CONTROL_HZ, y + (s * vx + c * vy) / CONTROL_HZ, yaw + w / CONTROL_HZ])
@@ -45,9 +46,9 @@ def obey(felt: Proprioception, action: Array) -> Proprioception:
     return replace(
         felt,
         base_pose=moved,
-        torso=action[StaticLayout.TORSO].copy(),
-        arm={k: action[i].copy() for k, i in StaticLayout.ARM.items()},
-        gripper_command={k: float(action[i]) for k, i in StaticLayout.GRIPPER.items()},
+        torso=action[LAYOUT.torso].copy(),
+        arm={k: action[i].copy() for k, i in LAYOUT.arm.items()},
+        gripper_command={k: float(action[i]) for k, i in LAYOUT.gripper.items()},
     )
 
 
@@ -79,11 +80,11 @@ def test_a_motion_starts_as_the_robot_stands() -> None:
     """Without any motion the command is what is felt, the base at rest."""
     motion = Motion(feeling())
     (action,) = play(motion, motion.wait(1 / CONTROL_HZ))
-    np.testing.assert_array_equal(action[StaticLayout.TORSO], r1.TRAVEL_TORSO)
+    np.testing.assert_array_equal(action[LAYOUT.torso], r1.TRAVEL_TORSO)
     for s in SIDES:
-        np.testing.assert_array_equal(action[StaticLayout.ARM[s]], r1.TRAVEL_ARM[s])
-        assert action[StaticLayout.GRIPPER[s]] == 1.0
-    assert not action[StaticLayout.BASE].any()
+        np.testing.assert_array_equal(action[LAYOUT.arm[s]], r1.TRAVEL_ARM[s])
+        assert action[LAYOUT.gripper[s]] == 1.0
+    assert not action[BASE].any()
 
 
 def test_actions_are_not_shared() -> None:
@@ -101,7 +102,7 @@ def test_a_grip_moves_one_gripper_evenly(side: Side) -> None:
     """The gripper gets to its value in equal steps, and nothing else moves."""
     motion = Motion(feeling())
     done = play(motion, motion.grip(side, -1.0, 0.5))
-    i = StaticLayout.GRIPPER[side]
+    i = LAYOUT.gripper[side]
     assert len(done) == round(0.5 * CONTROL_HZ)
     np.testing.assert_allclose(np.diff(np.append(1.0, done[:, i])), -2.0 / len(done))
     np.testing.assert_array_equal(np.delete(done, i, axis=1), np.delete(done[:1], i, axis=1).repeat(len(done), 0))
@@ -115,7 +116,7 @@ def test_following_a_path_passes_its_postures_at_its_speed(seed: int, speed: flo
     low, high = r1.ARM_LIMITS["left"].T
     path = [r1.TRAVEL_ARM["left"], *rng.uniform(low, high, (3, 7))]
     motion = Motion(feeling())
-    done = play(motion, motion.follow("left", path, speed))[:, StaticLayout.ARM["left"]]
+    done = play(motion, motion.follow("left", path, speed))[:, LAYOUT.arm["left"]]
     np.testing.assert_allclose(done[-1], path[-1])
     assert (np.abs(np.diff(done, axis=0)) * CONTROL_HZ <= np.minimum(r1.ARM_SPEED, speed) * 1.01).all()
     for posture in path:
@@ -127,7 +128,7 @@ def test_what_is_held_is_moved_gently() -> None:
     holding = replace(feeling(), gripper_width={"left": 0.06, "right": 0.1}, gripper_command={"left": -1.0, "right": 1})
     goal = [r1.TRAVEL_ARM["left"], r1.TRAVEL_ARM["left"] + 0.5]
     motion = Motion(holding)
-    arm = play(motion, motion.follow("left", goal))[:, StaticLayout.ARM["left"]]
+    arm = play(motion, motion.follow("left", goal))[:, LAYOUT.arm["left"]]
     assert np.abs(np.diff(arm, n=2, axis=0)).max() * CONTROL_HZ**2 < 2.1 * 1.4
     empty = Motion(feeling())
     assert len(play(empty, empty.follow("left", goal))) < 0.8 * len(arm)
@@ -160,7 +161,7 @@ def test_a_blocked_arm_stops_and_lets_go() -> None:
         sent: list[Array] = []
 
         def step(felt: Proprioception, action: Array, bar: float = bar, sent: list[Array] = sent) -> Proprioception:
-            sent.append(action[StaticLayout.ARM["left"]])
+            sent.append(action[LAYOUT.arm["left"]])
             return held_off(r1.TRAVEL_ARM["left"] + bar)(felt, action)
 
         with pytest.raises(MotionFailure, match="arm_blocked"):
@@ -177,7 +178,7 @@ def test_a_load_is_no_hindrance() -> None:
     start, step = r1.TRAVEL_ARM["left"], held_off(np.full(7, 9.0), load=0.05)
     play(motion, motion.wait(0.1), step)
     done = play(motion, motion.follow("left", [start, start + 0.3]), step)
-    np.testing.assert_allclose(done[-1, StaticLayout.ARM["left"]], start + 0.3)
+    np.testing.assert_allclose(done[-1, LAYOUT.arm["left"]], start + 0.3)
 
 
 def reaching(side: Side) -> Motion:
@@ -249,7 +250,7 @@ def test_a_line_is_straight_and_ends_at_its_goal(side: Side) -> None:
     goal = start.copy()
     goal[:3, 3] += [0.12, 0.05 * SIGN[side], 0.10]
     done = play(motion, motion.line(side, goal, speed=0.2))
-    hands = R1.tcp(done[:, StaticLayout.TORSO], done[:, StaticLayout.ARM[side]], side)
+    hands = R1.tcp(done[:, LAYOUT.torso], done[:, LAYOUT.arm[side]], side)
     np.testing.assert_allclose(hands[-1], goal, atol=1e-6)
     along = (goal - start)[:3, 3] / np.linalg.norm((goal - start)[:3, 3])
     off = hands[:, :3, 3] - start[:3, 3]
@@ -277,8 +278,8 @@ def test_a_level_hand_stays_while_the_torso_moves(lift: float, yaw: float, pitch
     if arms is None:
         return
     done = play(motion, motion.stand(torso, arms))
-    np.testing.assert_allclose(done[-1, StaticLayout.TORSO], torso)
-    hands = R1.tcp(done[:, StaticLayout.TORSO], done[:, StaticLayout.ARM["right"]], "right")
+    np.testing.assert_allclose(done[-1, LAYOUT.torso], torso)
+    hands = R1.tcp(done[:, LAYOUT.torso], done[:, LAYOUT.arm["right"]], "right")
     assert np.linalg.norm(hands[:, :3, 3] - level[:3, 3], axis=1).max() < 0.02  # between the sweep's postures
     np.testing.assert_allclose(hands[-1], level, atol=1e-6)
 
@@ -298,7 +299,7 @@ def test_a_drive_arrives_and_stands_still(x: float, y: float, yaw: float, start:
     done = play(motion, motion.drive(goal))
     assert np.linalg.norm(motion.felt.base_pose[:2] - goal[:2]) < 0.01
     assert abs(kin.wrap(motion.felt.base_pose[2] - yaw)) < 0.02
-    assert not done[-1, StaticLayout.BASE].any()
+    assert not done[-1, BASE].any()
     assert np.linalg.norm(done[:, :2], axis=1).max() < 0.55
     assert np.abs(done[:, 2]).max() < 1.1
     turned = np.sum(done[:, 2]) / CONTROL_HZ
@@ -316,7 +317,7 @@ def test_a_blocked_base_is_said_and_stands() -> None:
 
     with pytest.raises(MotionFailure, match="base_blocked"):
         play(motion, motion.drive(np.array([1.0, 0.0, 0.0])), stuck)
-    assert not sent[-1][StaticLayout.BASE].any()
+    assert not sent[-1][BASE].any()
     assert len(sent) < CONTROL_HZ
 
 

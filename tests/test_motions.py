@@ -12,9 +12,10 @@ from py_trees.common import Status
 
 from mpvi_bt.executive.tree.saving import restore, save
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.hands.robots import r1
 from tests.bench import Bench
+from tests.layouts import LAYOUT
 
 
 def yaw_turned(bench: Bench, ticks: int = 3000) -> float:
@@ -93,7 +94,7 @@ def test_a_posture_that_is_not_reached_is_a_failure() -> None:
 
     def stuck(action: Array) -> None:
         action = action.copy()
-        action[StaticLayout.ARM["left"]] = bench.world.robot.proprioception().arm["left"]
+        action[LAYOUT.arm["left"]] = bench.world.robot.proprioception().arm["left"]
         advance(action)
 
     bench.world.robot.advance = stuck  # type: ignore[method-assign]

@@ -25,8 +25,9 @@ from mpvi_bt.finding.navigation.traversability import traversability
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.protocols import Progress, Report
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.testing import check_navigator
+from tests.layouts import BASE, LAYOUT
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 HANDOFF = HandoffDistances()
@@ -168,7 +169,7 @@ def test_pursuit_reaches_the_pose_within_limits_and_off_inflated_cells(
             break
         command = follower.command(robot.pose)
         before = robot.pose.copy()
-        robot.action[StaticLayout.BASE] = command
+        robot.action[BASE] = command
         robot.advance()
         world = np.append((robot.pose - before)[:2] / dt, command[2])
         assert np.linalg.norm(world[:2]) <= limits.speed_m_s + 1e-6
@@ -191,7 +192,7 @@ def test_a_base_with_a_lagging_drive_still_settles() -> None:
         if follower.reached(robot.pose, robot.velocity):
             break
         felt += (follower.command(robot.pose) - felt) / 3
-        robot.action[StaticLayout.BASE] = felt
+        robot.action[BASE] = felt
         robot.advance()
     assert follower.reached(robot.pose, robot.velocity)
 
@@ -208,7 +209,7 @@ def test_it_drives_through_the_doorway_to_an_object_and_stands_facing_it() -> No
     assert at_target(can, robot.pose, traversability(grid_map, 0.33), HANDOFF)
     clear = traversability(grid_map, 0.33, [(can.lowest, can.highest)])
     assert all(np.isfinite(clear.cost[grid_map.cell(pose[:2])]) for pose in trace)
-    assert (robot.action[StaticLayout.BASE] == 0).all()
+    assert (robot.action[BASE] == 0).all()
 
 
 def test_it_keeps_the_contract_of_a_navigator() -> None:
@@ -427,7 +428,7 @@ def test_a_way_that_stays_blocked_fails() -> None:
     robot.walls = unmapped(2.0, 0.0, 2.2, 4.0)
     report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "living_room")
     assert (report.progress, report.reason) == (Progress.FAILED, "blocked")
-    assert (robot.action[StaticLayout.BASE] == 0).all()
+    assert (robot.action[BASE] == 0).all()
 
 
 def unmapped(x0: float, y0: float, x1: float, y1: float) -> OccupancyMap:
@@ -451,7 +452,7 @@ class CountingStow:
     def step(self) -> bool:
         """Write the mark."""
         action = self.robot.action.copy()
-        action[StaticLayout.ARM["left"]] = 0.25
+        action[LAYOUT.arm["left"]] = 0.25
         self.robot.act(action)
         self.steps += 1
         return self.steps >= 5
@@ -465,10 +466,10 @@ def test_the_arms_are_tucked_before_the_base_moves_and_stay_so() -> None:
     navigator.start("living_room", None)
     for _ in range(60):
         navigator.step()
-        assert stow.steps == 5 or (robot.action[StaticLayout.BASE] == 0).all()
-        assert (robot.action[StaticLayout.ARM["left"]] == 0.25).all()
+        assert stow.steps == 5 or (robot.action[BASE] == 0).all()
+        assert (robot.action[LAYOUT.arm["left"]] == 0.25).all()
         robot.advance()
-    assert np.abs(robot.action[StaticLayout.BASE]).max() > 0
+    assert np.abs(robot.action[BASE]).max() > 0
 
 
 class BackingStow(CountingStow):
@@ -478,7 +479,7 @@ class BackingStow(CountingStow):
         """Write the mark, and a base that backs off."""
         done = super().step()
         action = self.robot.action.copy()
-        action[StaticLayout.BASE] = -0.2, 0.0, 0.0
+        action[BASE] = -0.2, 0.0, 0.0
         self.robot.act(action)
         return done
 
@@ -491,7 +492,7 @@ def test_a_stow_may_draw_the_base_back() -> None:
     navigator.start("living_room", None)
     for _ in range(4):
         navigator.step()
-        assert robot.action[StaticLayout.BASE].tolist() == [-0.2, 0.0, 0.0]
+        assert robot.action[BASE].tolist() == [-0.2, 0.0, 0.0]
         robot.advance()
 
 
@@ -504,10 +505,10 @@ def test_stop_leaves_the_base_at_rest_at_any_time() -> None:
     for _ in range(30):
         navigator.step()
         robot.advance()
-    assert np.abs(robot.action[StaticLayout.BASE]).max() > 0
+    assert np.abs(robot.action[BASE]).max() > 0
     navigator.stop()
     navigator.stop()
-    assert (robot.action[StaticLayout.BASE] == 0).all()
+    assert (robot.action[BASE] == 0).all()
 
 
 @pytest.mark.parametrize("width", [0.0, 0.05])
@@ -520,7 +521,7 @@ def test_a_full_hand_slows_the_start(width: float) -> None:
     navigator.step()
     robot.advance()
     navigator.step()
-    speed = float(np.linalg.norm(robot.action[StaticLayout.BASE][:2]))
+    speed = float(np.linalg.norm(robot.action[BASE][:2]))
     assert speed == pytest.approx((CARRYING if width else Limits()).acceleration_m_s2 * 2 / CONTROL_HZ, rel=0.05)
 
 

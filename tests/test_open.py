@@ -13,7 +13,7 @@ from mpvi_bt.finding.shapes.moving_parts import moved
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.follow import _reach, go_along
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
@@ -26,6 +26,7 @@ from mpvi_bt.hands.stance.course import Course
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.house.truth.true_scene import TrueScene
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -197,11 +198,10 @@ def test_a_hand_on_a_bar_is_drawn_back_before_it_is_folded() -> None:
         moving = next(
             action
             for action in ExpertPolicy(world, SKILLS)._recover(work)
-            if action[StaticLayout.BASE].any()
-            or (action[StaticLayout.ARM[side]] != before[StaticLayout.ARM[side]]).any()
+            if action[BASE].any() or (action[LAYOUT.arm[side]] != before[LAYOUT.arm[side]]).any()
         )
-        assert moving[StaticLayout.GRIPPER[side]] == 1.0
-        assert bool(moving[StaticLayout.BASE] @ [*(kin.rot_z(-base[2]) @ bar.outward)[:2], 0.0] > 0) == draws_back
+        assert moving[LAYOUT.gripper[side]] == 1.0
+        assert bool(moving[BASE] @ [*(kin.rot_z(-base[2]) @ bar.outward)[:2], 0.0] > 0) == draws_back
 
 
 @pytest.mark.slow

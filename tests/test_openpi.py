@@ -17,8 +17,8 @@ from mpvi_bt.executive.remote.connection import KEY
 from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy, url_of
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.testing import check_policy
+from tests.layouts import ACTION_SIZE, BASE
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
 from tests.remote_servers import HOST, PolicyServer, free_port
 from tests.serving import serving
@@ -51,7 +51,7 @@ def test_a_native_server_is_spoken_to_as_openpi_does() -> None:
         for message in server.received:
             assert set(message) == {"prompt", *layout.images, *layout.state}
         np.testing.assert_allclose(actions[:, 3:], CHUNK[:, 3:])
-        np.testing.assert_allclose(actions[:, StaticLayout.BASE], CHUNK[:, :3] * [0.75, 0.75, 1.0], rtol=1e-6)
+        np.testing.assert_allclose(actions[:, BASE], CHUNK[:, :3] * [0.75, 0.75, 1.0], rtol=1e-6)
         (headers,) = server.headers
         assert "Sec-WebSocket-Extensions" not in headers
         assert "Authorization" not in headers

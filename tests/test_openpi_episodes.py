@@ -22,9 +22,10 @@ from mpvi_bt.executive.ticking.loop import Outcome, run_episode
 from mpvi_bt.executive.trace.read import read_trace
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.compile import compile_plan
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.remote_servers import HOST, PolicyServer, broken, packed
 
 SKILLS = load_skills()
@@ -32,8 +33,8 @@ SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
 PLACES = {"trash can": (1.0, 0.0), "can of soda": (0.0, 0.5)}
 GOOD_ANSWERS = 3
 MOVING = np.zeros((4, ACTION_SIZE))
-MOVING[:, StaticLayout.BASE] = [0.2, 0.1, 0.1]
-MOVING[:, StaticLayout.ARM["left"]] = MOVING[:, StaticLayout.ARM["right"]] = 0.1
+MOVING[:, BASE] = [0.2, 0.1, 0.1]
+MOVING[:, LAYOUT.arm["left"]] = MOVING[:, LAYOUT.arm["right"]] = 0.1
 
 
 def reply(**changed: Any) -> bytes:
@@ -85,7 +86,7 @@ def check_failed(outcome: Outcome, world: KinematicWorld, trace: Path, reason: s
     assert end is not None
     assert end.error is not None
     assert (end.ending, end.error.reason) == ("backend_error", reason)
-    assert not world.robot.action[StaticLayout.BASE].any()
+    assert not world.robot.action[BASE].any()
     before = world.robot.proprioception()
     for _ in range(30):
         world.step()

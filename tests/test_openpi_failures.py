@@ -25,8 +25,8 @@ import mpvi_bt
 from mpvi_bt.executive.remote.connection import KEY
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy
 from mpvi_bt.ground.errors import PolicyError
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.testing import check_policy
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
 from tests.remote_servers import (
     HOST,
@@ -232,8 +232,8 @@ def test_a_restarted_server_may_want_other_pictures() -> None:
         felt = without["proprioception"]
         still = policy.infer(without)
         assert policy.cameras == ("head",)
-        assert not still[:, StaticLayout.BASE].any()
-        assert (still[0, StaticLayout.ARM["left"]] == felt.arm_command.get("left", felt.arm["left"])).all()
+        assert not still[:, BASE].any()
+        assert (still[0, LAYOUT.arm["left"]] == felt.arm_command.get("left", felt.arm["left"])).all()
         assert np.array_equal(policy.infer(observation(("head",)))[:, 3:], CHUNK[:, 3:].astype(float))
 
 

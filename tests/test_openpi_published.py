@@ -22,9 +22,10 @@ from mpvi_bt.executive.remote.openpi import OpenpiPolicy
 from mpvi_bt.ground.errors import PolicyError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy
 from mpvi_bt.testing import KinematicRobot
+from tests.layouts import LAYOUT
 from tests.openpi_env import openpi_python
 from tests.serving import grip, observation, serving
 from tests.small_house import placed, small_world
@@ -215,8 +216,8 @@ def test_our_client_drives_a_server_of_the_published_package() -> None:
             policy.close()
             felt = seen["proprioception"]
             assert chunk.shape == (32, 23)
-            np.testing.assert_allclose(chunk[0, StaticLayout.TORSO], felt.torso, atol=1e-6)
-            np.testing.assert_allclose(chunk[0, StaticLayout.ARM["right"]], felt.arm["right"], atol=1e-6)
+            np.testing.assert_allclose(chunk[0, LAYOUT.torso], felt.torso, atol=1e-6)
+            np.testing.assert_allclose(chunk[0, LAYOUT.arm["right"]], felt.arm["right"], atol=1e-6)
             assert list(chunk[0, [14, 22]]) == [1.0, -1.0]
             behaviors = OpenpiPolicy(address, "openpi_comet_b1k")
             with pytest.raises(PolicyError, match="KeyError: 'observation/state'") as told:

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import disturbed
 from mpvi_bt.runs.disturbances.faults import KINDS, read_faults
 from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.test_latency import BODY
 
 
@@ -98,14 +98,14 @@ def test_a_frozen_policy_stands_still_until_the_next_handoff() -> None:
     policy.reset()
     frozen = actions(policy, chunks=3)
     assert (frozen == frozen[0]).all()
-    assert not frozen[:, StaticLayout.BASE].any()
-    np.testing.assert_allclose(frozen[0, StaticLayout.ARM["right"]], BODY.arm["right"])
+    assert not frozen[:, BASE].any()
+    np.testing.assert_allclose(frozen[0, LAYOUT.arm["right"]], BODY.arm["right"])
     assert policy.happened["freeze"] == 1
 
 
 def test_jitter_is_as_large_as_said_and_drift_grows() -> None:
     """Of the arm joints alone: base, torso and fingers are the policy's."""
-    arms = np.r_[StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
+    arms = np.r_[LAYOUT.arm["left"], LAYOUT.arm["right"]]
     others = np.setdiff1d(np.arange(ACTION_SIZE), arms)
     shaken = actions(FaultyPolicy(Told(), {"jitter": 0.1}), chunks=100)
     assert (shaken[:, arms] - 0.5).std() == pytest.approx(0.1, rel=0.1)

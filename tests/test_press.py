@@ -10,11 +10,11 @@ import pytest
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
 from mpvi_bt.finding.scene.seen import Seen
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills.press import options, press
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
+from tests.layouts import LAYOUT
 from tests.small_house import placed, run, small_world
 from tests.test_open import play
 
@@ -86,7 +86,7 @@ def test_a_seen_switch_is_known_and_may_be_touched(name: str) -> None:
     work = Work(seen, Motion(world.robot.proprioception()), np.random.default_rng(0))
     action = world.robot.action
     for tilt in (0.3, 0.6):
-        action[StaticLayout.TORSO] = [0.42, 0.0, 0.0, tilt]
+        action[LAYOUT.torso] = [0.42, 0.0, 0.0, tilt]
         run(world, action, 1.0)
         seen.feel(world.robot.proprioception())
         seen.see({"head": world.robot.look("head")}, world.robot.proprioception())

@@ -17,12 +17,13 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.rotations import rotation
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import Body
-from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.robots import r1pro
 from mpvi_bt.hands.robots.r1pro import R1PRO, TRUNK
 from mpvi_bt.hands.robots.r1pro_urdf import r1pro_urdf
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing import check_robot
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed, small_world
 
 START = np.array([1.025, -1.45, -0.47, 0.0])
@@ -214,9 +215,9 @@ def test_it_stands_still_in_the_posture_of_rest(world: SimWorld) -> None:
     np.testing.assert_allclose(felt.torso, START, atol=1e-6)
     assert list(felt.gripper_width.values()) == pytest.approx([0.10, 0.10], abs=1e-6)
     action = np.zeros(23)
-    action[StaticLayout.TORSO] = START
+    action[LAYOUT.torso] = START
     for side in SIDES:
-        action[StaticLayout.GRIPPER[side]] = 1.0
+        action[LAYOUT.gripper[side]] = 1.0
     for _ in range(60):
         world.robot.act(action)
         world.step()
@@ -231,10 +232,10 @@ def test_kinematics_agree_with_the_simulator() -> None:
     """Hands, trunk and cameras are where forward kinematics of what is felt puts them, to a tenth of a millimeter."""
     world = small_world(robot=R1PRO)
     action = world.robot.action
-    action[StaticLayout.TORSO] = 1.2, -1.7, -0.9, 0.4
-    action[StaticLayout.ARM["left"]] = -0.6, 0.5, 0.3, -1.2, -0.4, 0.5, 0.3
-    action[StaticLayout.ARM["right"]] = -0.9, -0.4, 0.2, -0.8, 0.6, -0.4, -0.7
-    action[StaticLayout.BASE] = 0.2, 0.1, 0.3
+    action[LAYOUT.torso] = 1.2, -1.7, -0.9, 0.4
+    action[LAYOUT.arm["left"]] = -0.6, 0.5, 0.3, -1.2, -0.4, 0.5, 0.3
+    action[LAYOUT.arm["right"]] = -0.9, -0.4, 0.2, -0.8, 0.6, -0.4, -0.7
+    action[BASE] = 0.2, 0.1, 0.3
     for _ in range(90):
         world.robot.act(action)
         world.step()
@@ -251,8 +252,8 @@ def test_kinematics_agree_with_the_simulator() -> None:
     for name, pose in expected.items():
         np.testing.assert_allclose(there[name], base @ pose, atol=2e-4, err_msg=name)
     for side in SIDES:
-        np.testing.assert_allclose(felt.arm[side], action[StaticLayout.ARM[side]], atol=0.01)
-    np.testing.assert_allclose(felt.torso, action[StaticLayout.TORSO], atol=0.005)
+        np.testing.assert_allclose(felt.arm[side], action[LAYOUT.arm[side]], atol=0.01)
+    np.testing.assert_allclose(felt.torso, action[LAYOUT.torso], atol=0.005)
 
 
 def test_no_hand_that_is_in_a_link_of_the_trunk_counts_as_clear() -> None:

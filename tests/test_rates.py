@@ -25,16 +25,17 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, composed, of_kind
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import check_policy_choice, for_clients, paced, rate_doubt
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
 from mpvi_bt.testing.doubles import KinematicRobot
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
 RATES = st.sampled_from([1.0, 2.0, 5.0, 7.0, 10.0, 12.5, 15.0, 20.0, 25.0, 29.97, 30.0, 50.0, 60.0])
-BASE, ELBOW, GRIP = StaticLayout.BASE, StaticLayout.ARM["right"].start + 3, StaticLayout.GRIPPER["right"]
-JOINTS = np.r_[StaticLayout.TORSO, StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
+BASE, ELBOW, GRIP = BASE, LAYOUT.arm["right"].start + 3, LAYOUT.gripper["right"]
+JOINTS = np.r_[LAYOUT.torso, LAYOUT.arm["left"], LAYOUT.arm["right"]]
 
 
 class Rows:
@@ -81,7 +82,7 @@ def wave(steps: int) -> Array:
     told = np.zeros((steps, ACTION_SIZE))
     told[:, BASE] = np.array([0.5, -0.3, 0.8]) * np.sin(time_s * np.array([1.1, 0.7, 1.7]))
     told[:, JOINTS] = 0.3 * np.sin(time_s * np.linspace(0.5, 2.0, len(JOINTS)))
-    told[:, list(StaticLayout.GRIPPER.values())] = 1.0
+    told[:, list(LAYOUT.gripper.values())] = 1.0
     told[steps // 2 : steps // 2 + 3, GRIP] = -1.0
     return told
 
@@ -89,8 +90,8 @@ def wave(steps: int) -> Array:
 def recorded(steps: Array, rate_hz: float) -> Array:
     """(n, 23) rows of a rate that such commands make."""
     first = np.zeros(ACTION_SIZE)
-    first[list(StaticLayout.GRIPPER.values())] = 1.0
-    return Resampler().resampled(steps, CONTROL_HZ, rate_hz, first, whole=False)
+    first[list(LAYOUT.gripper.values())] = 1.0
+    return Resampler(LAYOUT).resampled(steps, CONTROL_HZ, rate_hz, first, whole=False)
 
 
 def place(commands: Array) -> Array:
@@ -109,7 +110,7 @@ def place(commands: Array) -> Array:
 @given(rate_hz=RATES, count=st.integers(1, 60), cuts=st.lists(st.integers(1, 59), max_size=4))
 def test_rows_take_the_time_of_their_rate(rate_hz: float, count: int, cuts: list[int]) -> None:
     """However n rows come in chunks, n / rate seconds of them are whole control steps, and none is lost or added."""
-    rows, resampler = np.zeros((count, ACTION_SIZE)), Resampler()
+    rows, resampler = np.zeros((count, ACTION_SIZE)), Resampler(LAYOUT)
     parts = np.split(rows, sorted(cut for cut in cuts if cut < count))
     steps = sum(len(resampler.resampled(part, rate_hz, CONTROL_HZ, rows[0])) for part in parts)
     assert steps == math.floor(count * CONTROL_HZ / Fraction(rate_hz).limit_denominator(1001))
@@ -119,8 +120,8 @@ def test_rows_take_the_time_of_their_rate(rate_hz: float, count: int, cuts: list
 def test_chunks_change_nothing(rate_hz: float, cuts: list[int]) -> None:
     """Rows that come in several chunks are carried out as the same rows in one chunk are."""
     rows = recorded(wave(36), 10.0)
-    whole = Resampler().resampled(rows, rate_hz, CONTROL_HZ, rows[0])
-    resampler, parts, before = Resampler(), [], rows[0]
+    whole = Resampler(LAYOUT).resampled(rows, rate_hz, CONTROL_HZ, rows[0])
+    resampler, parts, before = Resampler(LAYOUT), [], rows[0]
     for part in np.split(rows, sorted(set(cuts))):
         steps = resampler.resampled(part, rate_hz, CONTROL_HZ, before)
         before = steps[-1] if len(steps) else before
@@ -195,7 +196,7 @@ def test_rows_of_all_kinds_say_the_same(kind: ActionKind, rate_hz: float) -> Non
     rows = recorded(wave(120), min(rate_hz, 30.0))
     start = KinematicRobot().action
     robot = robot_named("r1")
-    told = of_kind(rows, kind, rate_hz, start)
+    told = of_kind(rows, kind, rate_hz, start, LAYOUT)
     np.testing.assert_allclose(as_absolute(told, kind, rate_hz, start, robot), rows, atol=1e-12)
     expected = played(Rows(rows, 5, rate_hz))
     np.testing.assert_allclose(played(Rows(told, 5, rate_hz, kind)), expected, atol=1e-9)
@@ -308,7 +309,7 @@ def test_a_client_of_the_executive_may_have_its_own_rate() -> None:
     body = KinematicRobot().proprioception()
     message = write_observation({"prompt": "", "proprioception": body, "images": {}})
     assert keys.read({**message, "rate_hz": 10.0}, robot_named("r1")).steps == 3
-    (row,) = keys.answer(told, {"rate_hz": 10.0})["actions"]
+    (row,) = keys.answer(told, {"rate_hz": 10.0}, robot_named("r1"))["actions"]
     np.testing.assert_allclose(row[JOINTS], told[-1, JOINTS])
     with pytest.raises(BadMessage, match="must divide 30"):
         keys.read({**message, "rate_hz": 20.0}, robot_named("r1"))

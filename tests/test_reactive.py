@@ -15,7 +15,7 @@ from mpvi_bt.executive.plan.skills import SkillCall, load_skills
 from mpvi_bt.executive.remote.dialect_settings import CAMERAS
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies import reactive as module
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
@@ -23,6 +23,7 @@ from mpvi_bt.hands.skills.open import is_open
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.states.relations import inside, ontop
 from mpvi_bt.testing import KinematicRobot, check_policy
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -201,7 +202,7 @@ class Stuck(KinematicRobot):
 
     def advance(self, action: Array) -> None:
         """Leave out what concerns the part."""
-        parts = {"base": [StaticLayout.BASE], "torso": [StaticLayout.TORSO], "arms": list(StaticLayout.ARM.values())}
+        parts = {"base": [BASE], "torso": [LAYOUT.torso], "arms": list(LAYOUT.arm.values())}
         kept, action = self._targets, action.copy()
         for part in parts[self._part]:
             action[part] = kept[part]

@@ -20,8 +20,9 @@ from mpvi_bt.executive.remote.dialect_settings import CAMERAS, Action, DialectSe
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, PolicyError, UnknownName, UserError
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.testing.doubles import KinematicRobot
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.numbered_body import numbered_body
 from tests.openpi_env import openpi_python
 
@@ -55,11 +56,11 @@ def test_parts_that_a_policy_lacks_are_held() -> None:
     """A policy for one arm leaves trunk, other arm and other gripper as they were, and the base still."""
     layout = Action.model_validate({"size": 7, "parts": [{"part": "arm_right", "at": 0}]})
     ours = actions_of({"actions": np.ones((3, 7))}, layout, numbered_body("r1"))
-    assert not ours[:, StaticLayout.BASE].any()
-    assert (ours[:, StaticLayout.TORSO] == numbered_body("r1").torso).all()
-    assert (ours[:, StaticLayout.ARM["left"]] == numbered_body("r1").arm["left"]).all()
-    assert (ours[:, StaticLayout.ARM["right"]] == 1).all()
-    assert (ours[:, [StaticLayout.GRIPPER[side] for side in SIDES]] == [-1.0, 0.5]).all()
+    assert not ours[:, BASE].any()
+    assert (ours[:, LAYOUT.torso] == numbered_body("r1").torso).all()
+    assert (ours[:, LAYOUT.arm["left"]] == numbered_body("r1").arm["left"]).all()
+    assert (ours[:, LAYOUT.arm["right"]] == 1).all()
+    assert (ours[:, [LAYOUT.gripper[side] for side in SIDES]] == [-1.0, 0.5]).all()
 
 
 @given(
@@ -74,7 +75,7 @@ def test_what_a_policy_echoes_is_where_the_arm_is(order: list[int], scale: list[
     sent = message_of(observation(()), Observation.model_validate({"state": state}))
     layout = Action.model_validate({"size": 7, "parts": [piece]})
     ours = actions_of({"actions": sent["state"][None]}, layout, numbered_body("r1"))
-    np.testing.assert_allclose(ours[0, StaticLayout.ARM["left"]], numbered_body("r1").arm["left"], atol=1e-9)
+    np.testing.assert_allclose(ours[0, LAYOUT.arm["left"]], numbered_body("r1").arm["left"], atol=1e-9)
 
 
 def test_keys_with_dots_nest_and_constants_are_sent() -> None:
@@ -332,5 +333,5 @@ def test_held_parts_are_those_of_the_handoff() -> None:
     layout = Action.model_validate({"size": 1, "parts": [{"part": "gripper_command_left", "at": 0}]})
     before, now = numbered_body("r1"), replace(numbered_body("r1"), torso=numbered_body("r1").torso - 0.1)
     ours = actions_of({"actions": np.zeros((1, 1))}, layout, before)
-    assert (ours[0, StaticLayout.TORSO] == before.torso).all()
-    assert (ours[0, StaticLayout.TORSO] != now.torso).all()
+    assert (ours[0, LAYOUT.torso] == before.torso).all()
+    assert (ours[0, LAYOUT.torso] != now.torso).all()

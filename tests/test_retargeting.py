@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from mpvi_bt.executive.remote.retargeting import as_r1pro, from_r1pro
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.hands.robots.fetch import FETCH
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1pro import R1PRO
+from tests.layouts import ACTION_SIZE, LAYOUT
 
 REST = [1.025, -1.45, -0.47, 0.0]  # of the trunk, where an episode of BEHAVIOR begins
 
@@ -38,9 +39,9 @@ def body(torso: Any = (0.3, 0.0, 0.0, 0.5), arms: Any = None, robot: str = "r1")
 
 def action(torso: Any, arms: Any) -> Any:
     out = np.zeros((1, ACTION_SIZE))
-    out[:, StaticLayout.TORSO] = torso
+    out[:, LAYOUT.torso] = torso
     for side in SIDES:
-        out[:, StaticLayout.ARM[side]] = arms[side]
+        out[:, LAYOUT.arm[side]] = arms[side]
     return out
 
 
@@ -65,7 +66,7 @@ def test_hands_are_turned_alike(where: list[float]) -> None:
     for side in SIDES:
         hand = R1.arm(arms[side], side)[:3, :3]
         np.testing.assert_allclose(R1PRO.arm(like.arm[side], side)[:3, :3], hand, atol=1e-9)
-        np.testing.assert_allclose(R1.arm(back[StaticLayout.ARM[side]], side)[:3, :3], hand, atol=1e-6)
+        np.testing.assert_allclose(R1.arm(back[LAYOUT.arm[side]], side)[:3, :3], hand, atol=1e-6)
         assert np.array_equal(like.arm[side][:4], arms[side][:4])
 
 
@@ -74,20 +75,20 @@ def test_a_posture_that_is_sent_back_is_held() -> None:
     felt = body(torso=[0.42, 0.3, 0.2, 0.5])
     like = as_r1pro(felt)
     back = from_r1pro(action(like.torso, like.arm), felt)[0]
-    np.testing.assert_allclose(back[StaticLayout.TORSO], [0.42, 0.3, 0.2, np.deg2rad(20)], atol=1e-4)
+    np.testing.assert_allclose(back[LAYOUT.torso], [0.42, 0.3, 0.2, np.deg2rad(20)], atol=1e-4)
     for side in SIDES:
-        np.testing.assert_allclose(back[StaticLayout.ARM[side]], felt.arm[side], atol=1e-9)
+        np.testing.assert_allclose(back[LAYOUT.arm[side]], felt.arm[side], atol=1e-9)
 
 
 def test_behaviors_rest_posture_stands_the_r1_likewise() -> None:
     """Its chest is as high, as bent and as straight ahead as R1Pro's, and its head looks as far down."""
     told = from_r1pro(action(REST, dict.fromkeys(SIDES, np.zeros(7))), body())[0]
-    torso = told[StaticLayout.TORSO]
+    torso = told[LAYOUT.torso]
     ours, theirs = R1.chest(torso), R1PRO.chest(np.array(REST))
     np.testing.assert_allclose(ours[:3, :3], theirs[:3, :3], atol=1e-9)
     assert ours[2, 3] == pytest.approx(theirs[2, 3], abs=1e-9)
     np.testing.assert_allclose(R1.head_camera(torso)[:3, 2], R1PRO.head_camera(np.array(REST))[:3, 2], atol=1e-3)
-    hands = [R1.arm(told[StaticLayout.ARM[side]], side)[:3, :3] for side in SIDES]
+    hands = [R1.arm(told[LAYOUT.arm[side]], side)[:3, :3] for side in SIDES]
     np.testing.assert_allclose(hands, [R1PRO.arm(np.zeros(7), side)[:3, :3] for side in SIDES], atol=1e-9)
 
 
@@ -108,10 +109,10 @@ def test_a_hand_turns_the_nearer_way() -> None:
     arms = {side: R1.travel_arm[side] for side in SIDES}
     chunk = np.repeat(action(REST, arms), 41, axis=0)
     for side in SIDES:
-        chunk[:, StaticLayout.ARM[side].start + 5] = np.linspace(-0.8, 0.8, 41)
+        chunk[:, LAYOUT.arm[side].start + 5] = np.linspace(-0.8, 0.8, 41)
     told = from_r1pro(chunk, body())
     for side in SIDES:
-        assert np.abs(np.diff(told[:, StaticLayout.ARM[side]], axis=0)).max() < 0.05
+        assert np.abs(np.diff(told[:, LAYOUT.arm[side]], axis=0)).max() < 0.05
 
 
 def test_a_robot_with_one_arm_is_refused() -> None:

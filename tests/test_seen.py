@@ -19,11 +19,12 @@ from mpvi_bt.finding.shapes.moving_parts import Door
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, bounds
 from mpvi_bt.ground.robot.motion import MotionFailure
-from mpvi_bt.ground.robot.protocol import Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
 from mpvi_bt.ground.words.phrases import kinds
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing.full_hands import put_in_hands
+from tests.layouts import LAYOUT
 from tests.small_house import placed, run, small_world
 
 pytestmark = pytest.mark.render
@@ -36,7 +37,7 @@ TABLE = "{entry: table, at: [1.0, 0.0]}"
 def tilted(world: SimWorld, tilt: float = 0.75) -> SimWorld:
     """The head looks down."""
     action = world.robot.action
-    action[StaticLayout.TORSO] = [0.42, 0.0, 0.0, tilt]
+    action[LAYOUT.torso] = [0.42, 0.0, 0.0, tilt]
     world.settle(0.3)
     run(world, action, 1.5)
     return world
@@ -393,7 +394,7 @@ def test_what_a_hand_holds_is_known_again_under_the_next_prompt() -> None:
     world = small_world({"can_1": placed("can_of_soda", 2.0, 1.0)}, render=True)
     put_in_hands(world, {"left": "can_1"})
     action = world.robot.action
-    action[StaticLayout.TORSO] = [0.42, 0.0, 0.0, 0.9]
+    action[LAYOUT.torso] = [0.42, 0.0, 0.0, 0.9]
     run(world, action, 1.5)
     seen = looking(world, "can of soda")
     assert seen.holding("left") is not None

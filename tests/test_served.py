@@ -18,9 +18,9 @@ from mpvi_bt.executive.remote.reading import CHUNK
 from mpvi_bt.executive.trace.read import read_trace
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.kinematics import rot_z, wrap
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from tests.driven import DIALECTS, Driver, driving
+from tests.layouts import BASE, LAYOUT
 from tests.openpi_env import openpi_python
 from tests.small_house import small_world
 
@@ -34,8 +34,8 @@ def test_an_episode_is_played_behind_the_socket(dialect: str, tmp_path: Path) ->
         actions = np.concatenate([driver.step() for _ in range(80)])
         assert "ended" in driver.told[-1]
         assert "ended" not in driver.told[0]
-    assert (actions[:, StaticLayout.GRIPPER["right"]] == -1).any()
-    assert (actions[:, StaticLayout.GRIPPER["left"]] == 1).all()
+    assert (actions[:, LAYOUT.gripper["right"]] == -1).any()
+    assert (actions[:, LAYOUT.gripper["left"]] == 1).all()
     (result,) = tmp_path.glob("runs/*_served_1.json")
     told = json.loads(result.read_text())
     assert told["ended"] == "failure"
@@ -138,7 +138,7 @@ def test_what_goes_wrong_on_the_way_is_held_through(name: str, tmp_path: Path) -
             driver.world.robot.restore({**driver.world.robot.save(), "pose": [2.0, 0.0, 0.0]})
         held = driver.step(**wrong)
         expected = first[-1].copy()
-        expected[:, StaticLayout.BASE] = 0
+        expected[:, BASE] = 0
         np.testing.assert_allclose(held, expected, atol=1e-6)
         assert why in driver.told[-1]["ended"]
         np.testing.assert_array_equal(driver.step(), held)
@@ -194,7 +194,7 @@ def test_odometry_drifts_by_centimeters() -> None:
         for _ in range(45):
             action = world.robot.action.copy()
             yaw = world.robot.proprioception().base_pose[2]
-            action[StaticLayout.BASE] = rot_z(-yaw) @ velocity
+            action[BASE] = rot_z(-yaw) @ velocity
             world.robot.act(action)
             world.step()
             told = moved(told, world.robot.proprioception().base_velocity, 1 / 30)

@@ -11,13 +11,14 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, Solid, box
 from mpvi_bt.ground.robot.collision import Surroundings
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
 from mpvi_bt.hands.motion import carry
 from mpvi_bt.hands.motion.carry import settle, tuck
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.house.truth.true_scene import TrueScene
+from tests.layouts import LAYOUT
 from tests.small_house import placed, run, small_world
 from tests.test_looking_down import HANDS
 from tests.test_motion import play, reaching
@@ -32,8 +33,8 @@ def test_what_no_level_way_leads_home_for_may_tip_unless_it_is_filled(filled: bo
     """An arm that was stopped far off may have no other way: it would stay there, and nothing could be done with it."""
     world = small_world({"can": placed("can_of_soda", -1.0, 0.5), "egg": placed("easter_egg", -1.0, 1.0)})
     reaching = world.robot.action.copy()
-    reaching[StaticLayout.ARM["right"]] = BEHIND
-    reaching[StaticLayout.TORSO] = BENT
+    reaching[LAYOUT.arm["right"]] = BEHIND
+    reaching[LAYOUT.torso] = BENT
     run(world, reaching, 4.0)
     world.robot.act(reaching)
     scene = TrueScene(world)
@@ -71,8 +72,8 @@ def test_who_bends_down_and_finds_no_level_way_straightens_up_with_what_is_held(
     scene = TrueScene(world)
     scene.holding = lambda side: "can" if side == "left" else None
     bent = world.robot.action.copy()
-    bent[StaticLayout.ARM["left"]] = BELOW
-    bent[StaticLayout.TORSO] = DOWN
+    bent[LAYOUT.arm["left"]] = BELOW
+    bent[LAYOUT.torso] = DOWN
     run(world, bent, 4.0)
     world.robot.act(bent)
 

@@ -12,7 +12,7 @@ from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.hands.motion.gaze import look_into
 from mpvi_bt.hands.motion.viewpoints import step_up
 from mpvi_bt.hands.motion.work import Work
@@ -21,6 +21,7 @@ from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -80,7 +81,7 @@ def test_eyes_that_look_into_a_thing_are_farther_above_it_than_before() -> None:
 
     before = steepness()
     for action in look_into(work, "bin"):
-        work.motion.felt = replace(work.motion.felt, torso=action[StaticLayout.TORSO].copy())
+        work.motion.felt = replace(work.motion.felt, torso=action[LAYOUT.torso].copy())
     assert steepness() > before + 0.1
 
 
@@ -90,8 +91,8 @@ def test_what_a_wall_may_hide_is_looked_at_from_as_near_as_there_is_a_way(barred
     post = {"post": placed("trash_can", 0.6, 0.0)} if barred else {}
     work = work_in(small_world({"bin": placed("trash_can", 1.3, 0.0), **post}))
     for action in step_up(work, "bin"):
-        at = work.motion.felt.base_pose + action[StaticLayout.BASE] / CONTROL_HZ
-        work.motion.felt = replace(work.motion.felt, torso=action[StaticLayout.TORSO].copy(), base_pose=at)
+        at = work.motion.felt.base_pose + action[BASE] / CONTROL_HZ
+        work.motion.felt = replace(work.motion.felt, torso=action[LAYOUT.torso].copy(), base_pose=at)
     gap = float(np.linalg.norm(work.middle("bin")[:2] - work.motion.felt.base_pose[:2]))
     assert gap == pytest.approx(1.3) if barred else gap < 0.85
 

@@ -8,11 +8,12 @@ import pytest
 from mpvi_bt.ground.errors import BackendError, NoRenderingDevice
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, CameraImage, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing import check_robot
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.small_house import placed, run, small_world
 
 TO_OPTICAL = kin.transform(kin.LINK_TO_OPTICAL, (0.0, 0.0, 0.0))
@@ -27,9 +28,9 @@ def world() -> SimWorld:
 def spread(world: SimWorld) -> Array:
     """An action that bends the torso and stretches both arms, the base at rest."""
     action = world.robot.action
-    action[StaticLayout.TORSO] = (0.4, 0.3, 0.4, 0.6)
+    action[LAYOUT.torso] = (0.4, 0.3, 0.4, 0.6)
     for s in SIDES:
-        action[StaticLayout.ARM[s]] = r1.mirrored(SPREAD, s)
+        action[LAYOUT.arm[s]] = r1.mirrored(SPREAD, s)
     return action
 
 
@@ -43,9 +44,9 @@ def test_it_reaches_a_commanded_posture(world: SimWorld) -> None:
     action = spread(world)
     run(world, action, 2.5)
     felt = world.robot.proprioception()
-    np.testing.assert_allclose(felt.torso, action[StaticLayout.TORSO], atol=0.005)
+    np.testing.assert_allclose(felt.torso, action[LAYOUT.torso], atol=0.005)
     for s in SIDES:
-        np.testing.assert_allclose(felt.arm[s], action[StaticLayout.ARM[s]], atol=0.01)
+        np.testing.assert_allclose(felt.arm[s], action[LAYOUT.arm[s]], atol=0.01)
         np.testing.assert_allclose(felt.arm_velocity[s], 0.0, atol=0.02)
     np.testing.assert_allclose(felt.base_pose, 0.0, atol=0.005)
 
@@ -53,7 +54,7 @@ def test_it_reaches_a_commanded_posture(world: SimWorld) -> None:
 def test_kinematics_agree_with_the_simulator(world: SimWorld) -> None:
     """Chest, tcps and camera links are where forward kinematics of what is felt puts them, to a millimeter."""
     action = spread(world)
-    action[StaticLayout.BASE] = (0.3, 0.2, 0.4)
+    action[BASE] = (0.3, 0.2, 0.4)
     run(world, action, 1.5)
     felt = world.robot.proprioception()
     T = kin.base(felt.base_pose)
@@ -80,7 +81,7 @@ def test_the_base_keeps_its_velocity(velocity: tuple[float, float, float]) -> No
     """
     world = small_world(base=(0.5, -0.5, 1.0))
     action = world.robot.action
-    action[StaticLayout.BASE] = velocity
+    action[BASE] = velocity
     run(world, action, 0.7)
     before = world.robot.proprioception().base_pose
     run(world, action, 1.0)
@@ -100,7 +101,7 @@ def test_the_base_keeps_its_velocity(velocity: tuple[float, float, float]) -> No
 def test_the_base_stops_and_stands(world: SimWorld) -> None:
     """Told to hold in full drive it comes to rest within a second and its braking way, and stays there."""
     action = world.robot.action
-    action[StaticLayout.BASE] = (0.8, 0.0, 0.0)
+    action[BASE] = (0.8, 0.0, 0.0)
     run(world, action, 1.0)
     start = world.robot.proprioception().base_pose
     for _ in range(CONTROL_HZ):
@@ -118,7 +119,7 @@ def test_the_base_does_not_jerk(world: SimWorld) -> None:
     rng, speeds = np.random.default_rng(0), []
     for _ in range(90):
         action = world.robot.action
-        action[StaticLayout.BASE] = rng.uniform(-r1.BASE_SPEED, r1.BASE_SPEED)
+        action[BASE] = rng.uniform(-r1.BASE_SPEED, r1.BASE_SPEED)
         world.robot.act(action)
         world.step()
         speeds.append(world.robot.proprioception().base_velocity)
@@ -130,7 +131,7 @@ def test_what_is_restored_to_rest_stays_at_rest(world: SimWorld) -> None:
     """A robot that drives, and is brought back to how it stood, stands there: it does not go on driving."""
     saved = world.robot.save()
     action = world.robot.action
-    action[StaticLayout.BASE] = (0.4, 0.2, 0.5)
+    action[BASE] = (0.4, 0.2, 0.5)
     run(world, action, 0.5)
     world.robot.restore(saved)
     run(world, np.array(saved["action"]), 0.5)
@@ -169,12 +170,12 @@ def test_actions_are_brought_within_the_limits(world: SimWorld, extreme: float) 
     """Whatever is asked for, the command is within speeds, joint limits and -1..1."""
     world.robot.act(np.full(ACTION_SIZE, extreme))
     action = world.robot.action
-    np.testing.assert_allclose(np.abs(action[StaticLayout.BASE]), r1.BASE_SPEED)
+    np.testing.assert_allclose(np.abs(action[BASE]), r1.BASE_SPEED)
     column = int(extreme > 0)
-    np.testing.assert_allclose(action[StaticLayout.TORSO], r1.TORSO_LIMITS[:, column])
+    np.testing.assert_allclose(action[LAYOUT.torso], r1.TORSO_LIMITS[:, column])
     for s in SIDES:
-        np.testing.assert_allclose(action[StaticLayout.ARM[s]], r1.ARM_LIMITS[s][:, column])
-        assert action[StaticLayout.GRIPPER[s]] == np.sign(extreme)
+        np.testing.assert_allclose(action[LAYOUT.arm[s]], r1.ARM_LIMITS[s][:, column])
+        assert action[LAYOUT.gripper[s]] == np.sign(extreme)
 
 
 def test_acting_copies(world: SimWorld) -> None:
@@ -192,7 +193,7 @@ def test_a_gripper_opens_and_closes_evenly(world: SimWorld, side: Side) -> None:
     action = world.robot.action
     other: Side = "left" if side == "right" else "right"
     for value in (-1.0, 0.0, 1.0):
-        action[StaticLayout.GRIPPER[side]] = value
+        action[LAYOUT.gripper[side]] = value
         run(world, action, 1.0)
         felt = world.robot.proprioception()
         assert felt.gripper_command[side] == value
@@ -209,7 +210,7 @@ def test_a_gripper_opens_and_closes_evenly(world: SimWorld, side: Side) -> None:
 def test_heading_is_wrapped_however_far_it_turns(world: SimWorld) -> None:
     """After turns beyond half a circle the felt heading is still within -pi..pi, and no step of it is a leap."""
     action = world.robot.action
-    action[StaticLayout.BASE] = (0.0, 0.0, 1.5)
+    action[BASE] = (0.0, 0.0, 1.5)
     yaws = []
     for _ in range(round(10 * CONTROL_HZ)):
         world.robot.act(action)
@@ -258,7 +259,7 @@ def project(image: CameraImage, p: Array) -> tuple[int, int]:
 def test_a_pixel_is_where_the_world_is(pictured: SimWorld) -> None:
     """Points of wall, floor and box come back to a centimeter; the box and nothing else is labeled as the box."""
     action = pictured.robot.action
-    action[StaticLayout.TORSO] = (0.30, 0.0, 0.0, 0.55)
+    action[LAYOUT.torso] = (0.30, 0.0, 0.0, 0.55)
     run(pictured, action, 1.0)
     image = pictured.robot.look("head")
     points, labels = image.points_world(), image.labels

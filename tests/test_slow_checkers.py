@@ -20,9 +20,10 @@ from mpvi_bt.executive.tree.saving import restore, save
 from mpvi_bt.ground.cost import Cost
 from mpvi_bt.ground.errors import NodeError, UserError
 from mpvi_bt.ground.protocols import Checker, Judgement, TriggerEvent
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.runs.recording.recorder import Recorder
 from tests.bench import HELD, PICK, Bench
+from tests.layouts import ACTION_SIZE
 
 CHECK = f"check_complete: {HELD}"
 HANDOVER = round(HANDOVER_S * CONTROL_HZ)  # steps that every answer of another thread is given

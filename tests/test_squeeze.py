@@ -14,10 +14,11 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.motion import Motion
-from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.ground.robot.squeeze import pressing, squeezes
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
+from tests.layouts import LAYOUT
 
 TORSO = np.array([0.3, 0.0, 0.25, 0.5])
 
@@ -90,7 +91,7 @@ def test_what_two_hands_press_is_moved_as_gently_as_what_fingers_hold() -> None:
         motion = Motion(felt(facing_hands(0.40), facing_hands(0.40 - pressing_m)))
         taken.append(0)
         for action in motion.stand(TORSO + [0.1, 0.0, -0.2, 0.0]):
-            motion.felt = replace(motion.felt, torso=action[StaticLayout.TORSO])
+            motion.felt = replace(motion.felt, torso=action[LAYOUT.torso])
             taken[-1] += 1
     assert taken[1] > 1.3 * taken[0]
 

@@ -10,11 +10,12 @@ import pytest
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.model import SIGN
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side, StaticLayout, other
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side, other
 from mpvi_bt.ground.robot.stow import ArmStow
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.testing import KinematicWorld
+from tests.layouts import BASE, LAYOUT
 
 REACHING = np.array([-0.9, 0.3, 0.0, -0.9, 0.0, 0.2, 0.0])
 
@@ -23,10 +24,10 @@ def world(**gripper: float) -> KinematicWorld:
     """A robot with both arms stretched out; grippers as given, else open."""
     world = KinematicWorld()
     action = world.robot.action
-    action[StaticLayout.TORSO] = (0.2, 0.0, 0.3, 0.2)
+    action[LAYOUT.torso] = (0.2, 0.0, 0.3, 0.2)
     for s in SIDES:
-        action[StaticLayout.ARM[s]] = r1.mirrored(REACHING, s)
-        action[StaticLayout.GRIPPER[s]] = gripper.get(s, 1.0)
+        action[LAYOUT.arm[s]] = r1.mirrored(REACHING, s)
+        action[LAYOUT.gripper[s]] = gripper.get(s, 1.0)
     for _ in range(60):
         world.robot.act(action)
         world.step()
@@ -37,10 +38,10 @@ def world(**gripper: float) -> KinematicWorld:
 def put_hand(world: KinematicWorld, side: Side, T: Array) -> None:
     """Have a hand stand at `T` (4, 4) in the base's frame in a single step, the torso as it is."""
     action = world.robot.action
-    chest = kin.inverse(R1.chest(action[StaticLayout.TORSO]))
+    chest = kin.inverse(R1.chest(action[LAYOUT.torso]))
     q = R1.nearest_posture(chest @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
-    action[StaticLayout.ARM[side]] = q
+    action[LAYOUT.arm[side]] = q
     world.robot.act(action)
     world.step()
     world.robot.act(action)
@@ -65,7 +66,7 @@ def test_empty_hands_are_folded_and_the_torso_straightened() -> None:
     np.testing.assert_allclose(felt.torso, r1.TRAVEL_TORSO, atol=1e-6)
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
-    assert not sent[-1][StaticLayout.BASE].any()
+    assert not sent[-1][BASE].any()
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -78,7 +79,7 @@ def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     hand = R1.tcp(before.torso, before.arm[side], side)
     sent = stow(home)
     felt = home.robot.proprioception()
-    assert (sent[:, StaticLayout.GRIPPER[side]] == -1.0).all()
+    assert (sent[:, LAYOUT.gripper[side]] == -1.0).all()
     np.testing.assert_allclose(R1.tcp(felt.torso, felt.arm[side], side)[:3, 3], hand[:3, 3], atol=0.01)
     np.testing.assert_allclose(felt.arm[other(side)], r1.TRAVEL_ARM[other(side)], atol=1e-6)
 
@@ -92,8 +93,8 @@ def test_a_hand_that_holds_far_out_is_drawn_back_first(at: tuple[float, float], 
     found = [(t, R1.nearest_posture(kin.inverse(R1.chest(t)) @ T, "left", r1.TRAVEL_ARM["left"])) for t in torsos]
     torso, q = next((t, q) for t, q in found if q is not None)
     action = home.robot.action
-    action[StaticLayout.TORSO] = torso
-    action[StaticLayout.ARM["left"]], action[StaticLayout.ARM["right"]] = q, r1.TRAVEL_ARM["right"]
+    action[LAYOUT.torso] = torso
+    action[LAYOUT.arm["left"]], action[LAYOUT.arm["right"]] = q, r1.TRAVEL_ARM["right"]
     for _ in range(60):
         home.robot.act(action)
         home.step()
@@ -110,11 +111,11 @@ def test_a_torso_straightens_up_though_what_is_held_cannot_stay_where_it_is(side
     """A bottle just taken from a low board: the robot drove on bent down, dragged it along a door, and saw nothing."""
     home = world(**{side: -1.0})
     action = home.robot.action
-    action[StaticLayout.TORSO] = torso = np.array([0.2, 0.0, 0.9, 0.0])
+    action[LAYOUT.torso] = torso = np.array([0.2, 0.0, 0.9, 0.0])
     T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.53, 0.2 * SIGN[side], 0.55))
     q = R1.nearest_posture(kin.inverse(R1.chest(torso)) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
-    action[StaticLayout.ARM[side]], action[StaticLayout.ARM[other(side)]] = q, r1.TRAVEL_ARM[other(side)]
+    action[LAYOUT.arm[side]], action[LAYOUT.arm[other(side)]] = q, r1.TRAVEL_ARM[other(side)]
     for _ in range(60):
         home.robot.act(action)
         home.step()
@@ -132,7 +133,7 @@ def test_a_stowed_robot_does_not_move() -> None:
     before = home.robot.proprioception()
     sent = stow(home)
     assert len(sent) < CONTROL_HZ
-    assert not sent[:, StaticLayout.BASE].any()
+    assert not sent[:, BASE].any()
     np.testing.assert_allclose(home.robot.proprioception().base_pose, before.base_pose)
 
 
@@ -156,7 +157,7 @@ def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
     before = home.robot.proprioception()
     sent = stow(home)
     felt = home.robot.proprioception()
-    assert sent[-1][StaticLayout.GRIPPER[side]] == -1.0
+    assert sent[-1][LAYOUT.gripper[side]] == -1.0
     ahead = np.array([np.cos(before.base_pose[2]), np.sin(before.base_pose[2])])
     assert (before.base_pose - felt.base_pose)[:2] @ ahead > 0.4
     hand = R1.tcp(felt.torso, felt.arm[side], side)
@@ -173,9 +174,9 @@ def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_
     put_hand(home, side, T)
     assert home.robot.proprioception().holds(side)
     sent = stow(home, carries=lambda _: False)
-    first = next(a for a in sent if np.abs(a[StaticLayout.BASE]).max() > 0)
-    assert first[StaticLayout.GRIPPER[side]] == 1.0
-    np.testing.assert_allclose(np.arctan2(*first[StaticLayout.BASE][1::-1]), np.arctan2(-1, -1), atol=0.05)
+    first = next(a for a in sent if np.abs(a[BASE]).max() > 0)
+    assert first[LAYOUT.gripper[side]] == 1.0
+    np.testing.assert_allclose(np.arctan2(*first[BASE][1::-1]), np.arctan2(-1, -1), atol=0.05)
     felt = home.robot.proprioception()
     assert felt.gripper_command[side] == 1.0
     np.testing.assert_allclose(felt.arm[side], r1.TRAVEL_ARM[side], atol=1e-6)
@@ -190,15 +191,15 @@ def test_an_empty_hand_is_drawn_off_along_its_fingers_before_the_base_moves(side
     q = R1.nearest_posture(kin.inverse(R1.chest(torso)) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action = home.robot.action
-    action[StaticLayout.TORSO], action[StaticLayout.ARM[side]] = torso, q
-    action[StaticLayout.ARM[other(side)]] = r1.TRAVEL_ARM[other(side)]
+    action[LAYOUT.torso], action[LAYOUT.arm[side]] = torso, q
+    action[LAYOUT.arm[other(side)]] = r1.TRAVEL_ARM[other(side)]
     for _ in range(60):
         home.robot.act(action)
         home.step()
     home.robot.act(action)
     stow = ArmStow(home.robot)
     stow.start()
-    while not home.robot.action[StaticLayout.BASE].any():
+    while not home.robot.action[BASE].any():
         assert not stow.step()
         home.robot.act(home.robot.action)
         home.step()
@@ -223,7 +224,7 @@ def test_a_hand_caught_behind_a_rim_is_raised_and_the_arms_are_folded_all_the_sa
             break
         action = home.robot.action.copy()
         if height() < rim:
-            action[StaticLayout.BASE] = 0.0
+            action[BASE] = 0.0
         home.robot.act(action)
         home.step()
     felt = home.robot.proprioception()
@@ -243,7 +244,7 @@ def test_an_arm_that_is_blocked_is_folded_from_farther_back() -> None:
         action, felt = home.robot.action.copy(), home.robot.proprioception()
         if felt.base_pose[0] > before.base_pose[0] - 0.4:
             for s in SIDES:
-                action[StaticLayout.ARM[s]] = felt.arm[s]
+                action[LAYOUT.arm[s]] = felt.arm[s]
         home.robot.act(action)
         home.step()
     felt = home.robot.proprioception()
@@ -262,8 +263,8 @@ def test_against_a_wall_the_base_draws_back_along_it(side: Side) -> None:
         if stow.step():
             break
         action = home.robot.action.copy()
-        if action[StaticLayout.BASE][:2] @ toward > 0:
-            action[StaticLayout.BASE] = 0.0
+        if action[BASE][:2] @ toward > 0:
+            action[BASE] = 0.0
         home.robot.act(action)
         home.step()
     felt = home.robot.proprioception()
@@ -282,9 +283,9 @@ def test_where_the_base_cannot_go_back_what_can_be_brought_home_is(fixed: tuple[
         if stow.step():
             break
         action, felt = home.robot.action.copy(), home.robot.proprioception()
-        action[StaticLayout.BASE] = 0.0
+        action[BASE] = 0.0
         for s in fixed:
-            action[StaticLayout.ARM[s]] = felt.arm[s]
+            action[LAYOUT.arm[s]] = felt.arm[s]
         home.robot.act(action)
         home.step()
     felt = home.robot.proprioception()

@@ -13,7 +13,7 @@ from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 from mpvi_bt.ground.robot.collision import Body, Surroundings
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.hands.motion.approach import close_in
 from mpvi_bt.hands.motion.gaze import studied, study
 from mpvi_bt.hands.motion.viewpoints import Look
@@ -29,6 +29,7 @@ from mpvi_bt.hands.stance.stance_search import Search
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
+from tests.layouts import LAYOUT
 from tests.small_house import placed, small_world
 
 HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"
@@ -62,7 +63,7 @@ def test_what_was_just_studied_is_not_studied_again_from_there() -> None:
     work = looking(Blind(world))
     assert not studied(work, "can")
     for action in study(work, "can"):
-        work.motion.felt = replace(work.motion.felt, torso=action[StaticLayout.TORSO])
+        work.motion.felt = replace(work.motion.felt, torso=action[LAYOUT.torso])
     assert studied(work, "can")
     assert not studied(work, None)
     there = work.motion.felt
@@ -84,7 +85,7 @@ def test_no_look_asks_more_of_the_torso_than_it_can(board_m: float) -> None:
     work = looking(Blind(world))
     told = []
     for action in study(work, "can"):
-        told.append(action[StaticLayout.TORSO])
+        told.append(action[LAYOUT.torso])
         work.motion.felt = replace(work.motion.felt, torso=told[-1])
     low, high = r1.TORSO_LIMITS.T
     assert len(told) > 1
@@ -102,7 +103,7 @@ def test_hanging_hands_do_not_meet_the_base_while_a_low_thing_is_looked_at(board
     work = looking(Blind(world))
     told = 0
     for action in study(work, "can"):
-        work.motion.felt = felt = replace(work.motion.felt, torso=action[StaticLayout.TORSO].copy())
+        work.motion.felt = felt = replace(work.motion.felt, torso=action[LAYOUT.torso].copy())
         assert Body(R1PRO, felt.torso, felt.arm).all_free(), R1PRO.trunk.posture(felt.torso)
         told += 1
     assert told > 1
@@ -119,7 +120,7 @@ def with_can(fixture: str) -> tuple[Work, Blind]:
 def obeyed(work: Work, actions: Actions | Look) -> None:
     """The torso is where it is told to be."""
     for action in actions:
-        work.motion.felt = replace(work.motion.felt, torso=action[StaticLayout.TORSO].copy())
+        work.motion.felt = replace(work.motion.felt, torso=action[LAYOUT.torso].copy())
 
 
 def test_full_hands_keep_nobody_from_looking_into_what_is_high_up() -> None:

@@ -21,9 +21,9 @@ from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.substitute import Rules, load_rules, stand_ins
 from mpvi_bt.executive.tree.yaml_io import parse_tree
 from mpvi_bt.ground.errors import FileProblems, NodeError
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import BASE
 from tests.test_saving import Journal
 
 FETCH = """
@@ -325,7 +325,7 @@ def test_after_an_exception_the_robot_holds(tmp_path: Path) -> None:
         run_episode(tree, world, context)
     assert caught.value.path == "parallel/wait"
     assert world.robot.proprioception().base_velocity.any()  # it was driving
-    assert not world.robot.action[StaticLayout.BASE].any()
+    assert not world.robot.action[BASE].any()
     assert all(node.status == Status.INVALID for node in tree.nodes.values())
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mpvi_bt.ground.geometry.solids import pose
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.goals.predicates import cooked, frozen
 from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.house.states.heat import settles_at
 from mpvi_bt.house.states.temperature import ROOM_C, Thermal
+from tests.layouts import ACTION_SIZE
 from tests.small_house import CATALOGUE, placed, small_world
 
 FRIDGE = "{entry: refrigerator, at: [1.5, 0.0], yaw_deg: 180}"

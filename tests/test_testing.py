@@ -11,7 +11,7 @@ import pytest
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CameraImage
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.testing import (
     GripPolicy,
     KinematicRobot,
@@ -23,6 +23,7 @@ from mpvi_bt.testing import (
     check_policy,
     check_robot,
 )
+from tests.layouts import ACTION_SIZE
 
 
 def test_the_doubles_keep_their_contracts() -> None:

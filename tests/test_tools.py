@@ -10,8 +10,8 @@ import pytest
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import bounds, pose
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.house.sim.world import Placement, SimWorld
+from tests.layouts import ACTION_SIZE
 from tests.small_house import CATALOGUE, placed, run, small_world
 
 DUST, SPRAY = "dust.n.01", "insectifuge.n.01"

@@ -15,7 +15,7 @@ from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
 from mpvi_bt.ground.robot.motion import Actions, Motion
-from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.squeeze import squeezes
 from mpvi_bt.hands.motion.both_hands import look_over, open_wide, together
 from mpvi_bt.hands.motion.work import Work
@@ -29,6 +29,7 @@ from mpvi_bt.house.states.relations import ontop
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.house.truth.true_scene import TrueScene
 from mpvi_bt.testing.full_hands import put_in_hands
+from tests.layouts import LAYOUT
 from tests.small_house import LARGE, placed, small_world
 from tests.test_open import play
 
@@ -82,14 +83,14 @@ def test_motions_run_in_step_until_the_last_has_ended() -> None:
 
     def closing(side: str) -> Iterator[Array]:
         for k in range(count[side]):
-            motion.action[StaticLayout.GRIPPER[side]] = -k / 20  # type: ignore[index]
+            motion.action[LAYOUT.gripper[side]] = -k / 20  # type: ignore[index]
             yield motion.still()
 
     actions = list(together(closing("left"), closing("right"), motion_of=work))
     assert len(actions) == 12
     for k, action in enumerate(actions):
-        assert action[StaticLayout.GRIPPER["left"]] == -k / 20
-        assert action[StaticLayout.GRIPPER["right"]] == -min(k, 4) / 20
+        assert action[LAYOUT.gripper["left"]] == -k / 20
+        assert action[LAYOUT.gripper["right"]] == -min(k, 4) / 20
 
 
 def test_what_no_hand_spans_is_fetched_with_both() -> None:
@@ -120,8 +121,8 @@ def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:
     before = work.motion.still()
     for action in ExpertPolicy(world, load_skills())._recover(work):
         for side in SIDES:
-            np.testing.assert_array_equal(action[StaticLayout.ARM[side]], before[StaticLayout.ARM[side]])
-            assert action[StaticLayout.GRIPPER[side]] == before[StaticLayout.GRIPPER[side]]
+            np.testing.assert_array_equal(action[LAYOUT.arm[side]], before[LAYOUT.arm[side]])
+            assert action[LAYOUT.gripper[side]] == before[LAYOUT.gripper[side]]
         world.robot.act(action)
         world.step()
         work.motion.felt = world.robot.proprioception()
@@ -231,7 +232,7 @@ def test_hands_open_wide_wherever_they_are(lift: float, x: float) -> None:
     world = small_world({})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     motion, torso = work.motion, np.array([lift, 0.0, 0.8, 0.4])
-    motion.action[StaticLayout.TORSO] = torso
+    motion.action[LAYOUT.torso] = torso
 
     def step(action: Array) -> dict[Side, Array]:
         world.robot.act(action)
@@ -244,7 +245,7 @@ def test_hands_open_wide_wherever_they_are(lift: float, x: float) -> None:
             kin.inverse(motion.robot.chest(torso)) @ T, side, motion.robot.travel_arm[side]
         )
         assert q is not None
-        motion.action[StaticLayout.ARM[side]] = q
+        motion.action[LAYOUT.arm[side]] = q
     for _ in range(60):
         before = step(motion.still())
     for action in open_wide(work):

@@ -22,9 +22,8 @@ from mpvi_bt.executive.remote.dialect_settings import load_settings
 from mpvi_bt.executive.remote.observation import read_observation
 from mpvi_bt.executive.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.ground.errors import PolicyError
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.testing import check_policy
-from tests import serving
+from tests import layouts, serving
 from tests.remote_servers import PolicyServer, packed
 from tests.vla_eval_server import Model, model_server
 
@@ -51,7 +50,7 @@ def test_a_model_sees_what_the_robot_sees_and_moves_it() -> None:
     np.testing.assert_allclose(got["states"][[193, 194]].sum(), body.gripper_width["left"], atol=1e-6)
     assert chunk.shape == (4, 23)
     np.testing.assert_allclose(chunk[:, 1], 0.75 * np.arange(4) / 100, atol=1e-6)
-    np.testing.assert_allclose(chunk[:, StaticLayout.TORSO], np.tile(got["states"][3:7], (4, 1)), atol=1e-6)
+    np.testing.assert_allclose(chunk[:, layouts.LAYOUT.torso], np.tile(got["states"][3:7], (4, 1)), atol=1e-6)
 
 
 def test_it_keeps_the_contract_of_policies() -> None:
@@ -280,7 +279,7 @@ def test_late_answers_are_passed_over() -> None:
     with _scripted(lambda n: [_action(GOOD + 1, n - 1), _action(GOOD, n)]) as server:
         policy = VlaEvalPolicy(server.address, QUICK)
         policy.reset()
-        assert not policy.infer(observation())[:, StaticLayout.TORSO].any()
+        assert not policy.infer(observation())[:, layouts.LAYOUT.torso].any()
 
 
 @pytest.mark.parametrize(

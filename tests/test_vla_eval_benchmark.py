@@ -43,13 +43,13 @@ from mpvi_bt.executive.tree.compile import compile_instruction
 from mpvi_bt.ground.errors import BackendError, PolicyError, UnknownName, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
 from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import PolicyInputs, demonstrations, make_policy
 from mpvi_bt.runs.serving.vla_eval_benchmark import MpviBenchmark
 from mpvi_bt.runs.serving.vla_eval_server import MpviModelServer
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import ACTION_SIZE, BASE
 from tests.serving import observation
 from tests.vla_eval_server import Model, model_server
 
@@ -88,7 +88,7 @@ def test_a_question_waits_for_its_answer() -> None:
     thread.join(10)
     (chunk,) = results
     np.testing.assert_allclose(chunk[:, 3:], actions[:, 3:])
-    np.testing.assert_allclose(chunk[0, StaticLayout.BASE], actions[0, :3] * [0.75, 0.75, 1.0])
+    np.testing.assert_allclose(chunk[0, BASE], actions[0, :3] * [0.75, 0.75, 1.0])
     assert relay.note == "reaching for it"
     assert relay.gave_up
 

@@ -12,11 +12,12 @@ from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.rays import distance
 from mpvi_bt.ground.geometry.solids import Array, Solid, box, pose
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side, StaticLayout, other
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side, other
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.builder import Thing
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.states.relations import inside, ontop
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed, run, small_world
 
 TABLE = "{entry: table, at: [1.2, 0.0]}"
@@ -43,7 +44,7 @@ def place_in_hand(world: SimWorld, name: str, side: Side) -> None:
     down = pose((0.0, 0.0, -0.061))
     thing(world, name).place(T @ down)
     action = world.robot.action
-    action[StaticLayout.GRIPPER[side]] = -1.0
+    action[LAYOUT.gripper[side]] = -1.0
     run(world, action, 1.0)
 
 
@@ -107,8 +108,8 @@ def test_a_world_repeats_itself_bit_for_bit() -> None:
         for k in range(90):
             action = world.robot.action
             if k % 10 == 0:
-                action[StaticLayout.BASE] = rng.uniform(-0.6, 0.6, 3)
-                action[StaticLayout.ARM["left"]] += rng.uniform(-0.3, 0.3, 7)
+                action[BASE] = rng.uniform(-0.6, 0.6, 3)
+                action[LAYOUT.arm["left"]] += rng.uniform(-0.3, 0.3, 7)
             world.robot.act(action)
             world.step()
             if k % 30 == 29:
@@ -128,7 +129,7 @@ def test_pictures_change_nothing() -> None:
         world = small_world({"can": placed("can_of_soda", 0.6, 0.1, 0.4, 0.3)}, render=render)
         world.settle(0.3)
         action = world.robot.action
-        action[StaticLayout.BASE] = (0.4, 0.1, 0.3)
+        action[BASE] = (0.4, 0.1, 0.3)
         for _ in range(30):
             world.robot.act(action)
             world.step()
@@ -153,7 +154,7 @@ def test_a_closed_hand_holds_what_is_between_its_fingers(side: Side) -> None:
     run(world, world.robot.action, 2.0)
     assert world.pose("can")[2, 3] == pytest.approx(before, abs=0.005)
     action = world.robot.action
-    action[StaticLayout.GRIPPER[side]] = 1.0
+    action[LAYOUT.gripper[side]] = 1.0
     run(world, action, 1.0)
     assert world.holding(side) is None
     assert not world.knowledge().entries["can"].held
@@ -165,7 +166,7 @@ def test_what_was_held_and_lies_elsewhere_is_laid_down() -> None:
     place_in_hand(world, "can", "left")
     assert not world.knowledge().entries["can"].laid
     action = world.robot.action
-    action[StaticLayout.GRIPPER["left"]] = 1.0
+    action[LAYOUT.gripper["left"]] = 1.0
     run(world, action, 1.0)
     x, y = world.pose("can")[:2, 3]
     for away, laid in ((0.0, False), (1.0, True)):
@@ -184,7 +185,7 @@ def test_what_is_taken_again_where_it_was_laid_is_laid_where_it_first_stood(monk
     first = world.pose("can")
     assert not world.knowledge().entries["can"].laid
     action = world.robot.action
-    action[StaticLayout.GRIPPER["left"]] = 1.0
+    action[LAYOUT.gripper["left"]] = 1.0
     run(world, action, 1.0)
     world.place("can", pose((*world.pose("can")[:2, 3] + [1.0, 0.0], 0.001)))
     assert world.knowledge().entries["can"].laid
@@ -221,7 +222,7 @@ def test_an_empty_fist_holds_nothing() -> None:
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})
     action = world.robot.action
     for s in SIDES:
-        action[StaticLayout.GRIPPER[s]] = -1.0
+        action[LAYOUT.gripper[s]] = -1.0
     run(world, action, 1.0)
     assert [world.holding(s) for s in SIDES] == [None, None]
 
@@ -254,14 +255,14 @@ def test_what_is_in_a_held_bin_is_carried() -> None:
     action = world.robot.action
     down = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), (0.5, 0.25, 0.8))
     near = np.array([-0.5, 0.3, 0.0, -1.1, 0.0, 0.0, 0.0])
-    q = R1.nearest_posture(kin.inverse(R1.chest(action[StaticLayout.TORSO])) @ down, side, near)
+    q = R1.nearest_posture(kin.inverse(R1.chest(action[LAYOUT.torso])) @ down, side, near)
     assert q is not None
-    action[StaticLayout.ARM[side]] = q
+    action[LAYOUT.arm[side]] = q
     run(world, action, 1.5)
     tcp = world.robot.hand_pose_world(side)[:3, 3]
     bar = thing(world, "bin").description.root.handles[0].center
     thing(world, "bin").place(pose(tcp - bar, np.pi / 2))  # the bar across the fingers
-    action[StaticLayout.GRIPPER[side]] = -1.0
+    action[LAYOUT.gripper[side]] = -1.0
     run(world, action, 0.7)
     thing(world, "can").place(world.pose("bin") @ pose((0.07, 0.0, 0.02)))
     run(world, action, 1.0)
@@ -348,7 +349,7 @@ def test_a_saved_world_is_restored_in_a_fresh_one() -> None:
     one = small_world(objects, fridge_1=fridge)
     place_in_hand(one, "can", "right")
     action = one.robot.action
-    action[StaticLayout.BASE] = (0.4, 0.1, 0.5)
+    action[BASE] = (0.4, 0.1, 0.5)
     run(one, action, 1.0)
     thing(one, "fridge_1").set_joint_fraction(
         next(b.name for b in thing(one, "fridge_1").description.bodies if b.joint), 0.5

@@ -13,12 +13,12 @@ from mpvi_bt.executive.actions.chunks import RecedingHorizon, TemporalEnsemble, 
 from mpvi_bt.executive.actions.paced import PacedPolicy
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
 from mpvi_bt.hands.policies.demonstrated import DemonstratedPolicy
 from mpvi_bt.hands.policies.pregrasp import PregraspPolicy, WithPregrasp
 from mpvi_bt.runs.disturbances.answer_times import TimedPolicy
 from mpvi_bt.runs.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
+from tests.layouts import ACTION_SIZE
 from tests.test_latency import BODY
 
 SKILLS = load_skills()

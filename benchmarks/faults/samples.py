@@ -284,13 +284,13 @@ def _resumed(saved: Any) -> None:
 
 def _demonstration(folder: Path) -> bytes:
     """A hand that closes once."""
-    from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
     from mpvi_bt.hands.learned.demonstration import Demonstration
+    from tests.layouts import ACTION_SIZE, LAYOUT
 
     n = 40
     action = np.zeros((n, ACTION_SIZE))
-    action[:, StaticLayout.ARM["right"]] = np.linspace(0, 1, n)[:, None]
-    action[:, StaticLayout.GRIPPER["right"]] = np.where(np.arange(n) < 20, 1.0, -1.0)
+    action[:, LAYOUT.arm["right"]] = np.linspace(0, 1, n)[:, None]
+    action[:, LAYOUT.gripper["right"]] = np.where(np.arange(n) < 20, 1.0, -1.0)
     shown = Demonstration(
         np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 7)), np.full((n,), 0.1), action,
         np.full((4, 128, 3), 0.5), np.minimum(np.arange(n) // 10, 3),

@@ -16,13 +16,13 @@ import msgpack
 import numpy as np
 from websockets.sync.server import ServerConnection
 
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, StaticLayout
+from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 from tests.remote_servers import HOST, PolicyServer, agreed, broken, free_port, packed, raw_server
 
 Wire = Literal["openpi", "vla_eval"]
 MOVING = np.zeros((4, ACTION_SIZE), np.float32)
-MOVING[:, StaticLayout.BASE] = [0.2, 0.1, 0.1]
-MOVING[:, StaticLayout.ARM["left"]] = MOVING[:, StaticLayout.ARM["right"]] = 0.1
+MOVING[:, BASE] = [0.2, 0.1, 0.1]
+MOVING[:, LAYOUT.arm["left"]] = MOVING[:, LAYOUT.arm["right"]] = 0.1
 OVER = threading.Event()  # a server that waits need wait no more
 WAIT_S = 8.0
 

@@ -31,8 +31,9 @@ from mpvi_bt.executive.ticking.loop import Outcome as Played
 from mpvi_bt.executive.ticking.loop import run_episode
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.compile import compile_plan
-from mpvi_bt.ground.robot.protocol import SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from tests.layouts import BASE
 
 QUICK: dict[str, Any] = {"connect_s": 2.0, "answer_s": 2.0, "tries": 2, "max_mb": 1}
 MOST_S = 20.0  # of wall time: of all waits that the settings allow, and as much again for a busy machine
@@ -105,7 +106,7 @@ def episode(wire: str, address: str) -> tuple[Played, KinematicWorld]:
 
 def _is_still(world: KinematicWorld) -> bool:
     """Whether the robot stays where it is, as it was last told."""
-    if world.robot.action[StaticLayout.BASE].any():
+    if world.robot.action[BASE].any():
         return False
     before = world.robot.proprioception()
     for _ in range(30):

@@ -12,11 +12,12 @@ import numpy as np
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, Robot, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Robot, Side
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.sim.world import Placement, SimWorld
 from mpvi_bt.testing.full_hands import fill, put_in_hands
+from tests.layouts import ACTION_SIZE, BASE
 
 Shapes = Literal["tuning", "held_out"]
 
@@ -147,7 +148,7 @@ class _Judge:
     def step(self, action: Array) -> bool:
         """Take note of a step; returns whether the trial is over."""
         now = self.world.time_s
-        if np.abs(action - self.last).max() > 1e-6 or np.abs(action[StaticLayout.BASE]).max() > 1e-6:
+        if np.abs(action - self.last).max() > 1e-6 or np.abs(action[BASE]).max() > 1e-6:
             self.last, self.moved = np.array(action, float), now
         self.said = (now if self.said is None else self.said) if self.note == "done" else None
         phase = self.world.steps % _EVERY_STEPS

@@ -25,9 +25,9 @@ from benchmarks.hands.trial import Played, Shapes, Trial, play
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.geometry.solids import Array, pose
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.testing.scene_builder import one_room
+from tests.layouts import BASE, LAYOUT
 from tests.small_house import placed
 
 MINE = [(skill, case) for skill in skills() if skill == "pick" or skill.startswith("place") for case in skills()[skill]]
@@ -63,7 +63,7 @@ def played(scene: Trial, done_at: int = 10**9, action: Callable[[SimWorld, int],
 
 def turning(world: SimWorld, step: int) -> Array:
     action = world.robot.action
-    action[StaticLayout.BASE] = (0, 0, 0.3 if step % 2 else 0.4)
+    action[BASE] = (0, 0, 0.3 if step % 2 else 0.4)
     return action
 
 
@@ -177,7 +177,7 @@ def test_only_what_hangs_free_between_both_fingers_is_picked() -> None:
     wedged = replace(trial(lambda w: ""), house=shelf, held={"right": "can"}).world(render=False)
     bottom = float(min(s.aabb()[0, 2] for s in wedged.solids("can")))
     action = wedged.robot.action
-    action[StaticLayout.TORSO.start] -= bottom - 0.6 + 0.005  # down onto the table
+    action[LAYOUT.torso.start] -= bottom - 0.6 + 0.005  # down onto the table
     for _ in range(60):
         wedged.robot.act(action)
         wedged.step()

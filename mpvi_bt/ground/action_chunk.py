@@ -10,11 +10,11 @@ import numpy as np
 from mpvi_bt.ground.errors import PolicyError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.ground.robot.robots import layout_of
 
 
 def ask(policy: Policy, observation: Mapping[str, Any]) -> Array:
-    """(H, 23) actions, H >= 1, an array of its own.
+    """(H, A) actions, H >= 1, an array of its own; A as the robot has it whose proprioception is observed.
 
     Raises:
         PolicyError: "bad_reply" unless the policy gives that, and finite.
@@ -26,8 +26,9 @@ def ask(policy: Policy, observation: Mapping[str, Any]) -> Array:
         chunk = np.empty(0, object)
     if chunk.dtype.kind not in "fiu":
         raise PolicyError("bad_reply", f"policy {policy.name}: actions that are no numbers")
-    if chunk.ndim != 2 or len(chunk) == 0 or chunk.shape[1] != ACTION_SIZE:
-        shape = f"a chunk of shape {chunk.shape}, not (H, {ACTION_SIZE}), H >= 1"
+    size = layout_of(observation["proprioception"]).size
+    if chunk.ndim != 2 or len(chunk) == 0 or chunk.shape[1] != size:
+        shape = f"a chunk of shape {chunk.shape}, not (H, {size}), H >= 1"
         raise PolicyError("bad_reply", f"policy {policy.name}: {shape}")
     if not np.isfinite(chunk).all():
         raise PolicyError("bad_reply", f"policy {policy.name}: a chunk with numbers that are not finite")

@@ -13,10 +13,9 @@ from mpvi_bt.finding.perception.detector import ROBOT, Detection, Detector, chec
 from mpvi_bt.ground.errors import BackendError, DetectorError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Checker, Navigator, Policy, Progress, Report
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, CameraImage, Robot, StaticLayout
+from mpvi_bt.ground.robot.protocol import CameraImage, Robot
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 from mpvi_bt.testing.doubles import KinematicRobot
-
-CAMERAS = ("head", *SIDES)
 
 
 def _require(condition: bool, what: str) -> None:
@@ -36,20 +35,22 @@ def check_robot(robot: Robot, step: Callable[[], None]) -> None:
         AssertionError: What it breaks.
     """
     body = robot.proprioception()
+    model = robot_named(body.robot)
+    size, joints = model.layout.size, len(model.torso_joints)
     for name, value, shape in (
         ("base_pose", body.base_pose, (3,)),
         ("base_velocity", body.base_velocity, (3,)),
-        ("torso", body.torso, (4,)),
-        ("torso_velocity", body.torso_velocity, (4,)),
-        *((f"arm[{s}]", body.arm[s], (7,)) for s in body.sides),
-        *((f"arm_velocity[{s}]", body.arm_velocity[s], (7,)) for s in body.sides),
+        ("torso", body.torso, (joints,)),
+        ("torso_velocity", body.torso_velocity, (joints,)),
+        *((f"arm[{s}]", body.arm[s], (len(model.arm_joints[s]),)) for s in body.sides),
+        *((f"arm_velocity[{s}]", body.arm_velocity[s], (len(model.arm_joints[s]),)) for s in body.sides),
     ):
         _require(value.shape == shape and bool(np.isfinite(value).all()), f"{name} must be {shape} and finite")
     _require(len(body.sides) >= 1, "a robot must have a hand")
     for side in body.sides:
         _require(-0.005 <= body.gripper_width[side] <= body.open_m + 0.005, "gripper_width must be 0 to open_m")
         _require(-1 <= body.gripper_command[side] <= 1, "gripper_command must be -1 to 1")
-    for bad in (np.zeros(ACTION_SIZE - 1), np.zeros((1, ACTION_SIZE)), np.full(ACTION_SIZE, np.nan)):
+    for bad in (np.zeros(size - 1), np.zeros((1, size)), np.full(size, np.nan)):
         try:
             robot.act(bad)
         except BackendError:
@@ -57,8 +58,8 @@ def check_robot(robot: Robot, step: Callable[[], None]) -> None:
         _require(False, f"act must refuse an action of shape {bad.shape} and what is not finite")
     robot.hold()
     held = robot.action
-    _require(held.shape == (ACTION_SIZE,), "action must be (23,)")
-    _require(not held[StaticLayout.BASE].any(), "hold must command the base to stand still")
+    _require(held.shape == (size,), f"action must be ({size},)")
+    _require(not model.layout.velocity(held).any(), "hold must command the base to stand still")
     held[:] = 99.0
     _require(not np.array_equal(robot.action, held), "action must be a copy")
     before = robot.proprioception()
@@ -88,9 +89,10 @@ def check_policy(
     for part in ("name", "cameras", "reset", "infer"):
         _require(hasattr(policy, part), f"a policy has {part!r}")
     _require(isinstance(policy.name, str) and bool(policy.name), "a policy has a name")
-    robot = KinematicRobot()
-    shown = dict(observation or {"prompt": "pick up the cup", "proprioception": robot.proprioception(), "images": {}})
-    every = {camera: shown["images"].get(camera) or robot.look(camera) for camera in CAMERAS}
+    body = observation["proprioception"] if observation else KinematicRobot().proprioception()
+    robot = KinematicRobot(robot_named(body.robot))
+    shown = dict(observation or {"prompt": "pick up the cup", "proprioception": body, "images": {}})
+    every = {camera: shown["images"].get(camera) or robot.look(camera) for camera in robot.model.cameras}
     for _ in range(2):
         policy.reset()
         policy.reset()
@@ -102,7 +104,7 @@ def check_policy(
     _chunk(policy, {**shown, "prompt": ""}, every)
     policy.reset()
     try:
-        _actions(policy.infer({**shown, "images": dict(every)}))
+        _actions(policy.infer({**shown, "images": dict(every)}), layout_of(body).size)
     except Exception as error:
         _require(False, f"it must not mind more pictures than it asked for: {error}")
     note = getattr(policy, "note", "")
@@ -139,7 +141,7 @@ def _chunk(policy: Policy, observation: Mapping[str, Any], every: Mapping[str, C
     """Get the next chunk with the requested pictures, and check that the policy did not change its input."""
     cameras = policy.cameras
     _require(isinstance(cameras, tuple), "cameras is a tuple")
-    _require(set(cameras) <= set(CAMERAS), f"cameras are among {', '.join(CAMERAS)}, not {cameras}")
+    _require(set(cameras) <= set(every), f"cameras are among {', '.join(every)}, not {cameras}")
     images = {camera: every[camera] for camera in cameras}
     given, before = {**observation, "images": dict(images)}, copy.deepcopy({**observation, "images": images})
     try:
@@ -149,7 +151,7 @@ def _chunk(policy: Policy, observation: Mapping[str, Any], every: Mapping[str, C
     except Exception as error:
         kind = f"{type(error).__name__}: {error}"
         raise AssertionError(f"infer raised, with the pictures of {cameras} that it asked for: {kind}") from error
-    actions = _actions(said)
+    actions = _actions(said, layout_of(observation["proprioception"]).size)
     _require(_same(given, before), "an observation is not to be changed")
     return actions
 
@@ -167,13 +169,13 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _actions(given: Any) -> Array:
+def _actions(given: Any, size: int) -> Array:
     try:
         chunk = np.asarray(given)
     except ValueError:
-        raise AssertionError(f"infer must give (H, {ACTION_SIZE}), not lists of different lengths") from None
-    _require(chunk.ndim == 2 and len(chunk) >= 1, f"infer must give (H, {ACTION_SIZE}), H >= 1, not {chunk.shape}")
-    _require(chunk.shape[1] == ACTION_SIZE, f"infer must give (H, {ACTION_SIZE}), not {chunk.shape}")
+        raise AssertionError(f"infer must give (H, {size}), not lists of different lengths") from None
+    _require(chunk.ndim == 2 and len(chunk) >= 1, f"infer must give (H, {size}), H >= 1, not {chunk.shape}")
+    _require(chunk.shape[1] == size, f"infer must give (H, {size}), not {chunk.shape}")
     _require(chunk.dtype.kind in "fiu", f"actions are real numbers, not {chunk.dtype}")
     _require(bool(np.isfinite(chunk).all()), "actions must be finite")
     return chunk
@@ -212,7 +214,7 @@ def _drive(navigator: Navigator, robot: Robot, step: Callable[[], None], target:
             break
         step()
     navigator.stop()
-    _require(not robot.action[StaticLayout.BASE].any(), "stop must let the base stand still")
+    _require(not layout_of(robot.proprioception()).velocity(robot.action).any(), "stop must let the base stand still")
     return report
 
 

@@ -17,49 +17,46 @@ from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.errors import BackendError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement, Progress, Report, StepClock, TriggerEvent
-from mpvi_bt.ground.robot.protocol import (
-    ACTION_SIZE,
-    CONTROL_HZ,
-    SIDES,
-    CameraImage,
-    Proprioception,
-    Robot,
-    Side,
-    StaticLayout,
-)
-
-_OPEN_M = 0.10  # between its fingers
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT, CameraImage, Proprioception, Robot, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 
 
 class KinematicRobot:
     """A robot without dynamics: base and joints move as commanded, fingers stop at what is between them.
 
+    Args:
+        model: Whose joints it has; None: the default robot's.
+
     Attributes:
+        model: What robot it is.
         between_m: Width of what is between the fingers of each hand.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, model: RobotDescription | None = None) -> None:
+        self.model = model or robot_named(DEFAULT_ROBOT)
+        self._layout, sides = self.model.layout, self.model.sides
         self.between_m: dict[Side, float] = {"left": 0.03, "right": 0.06}
         self._pose = np.zeros(3)
         self._velocity = np.zeros(3)
-        self._targets = np.zeros(ACTION_SIZE)
-        self._targets[list(StaticLayout.GRIPPER.values())] = 1.0
-        self._width: dict[Side, float] = dict.fromkeys(SIDES, _OPEN_M)
-        self._arm_velocity = {side: np.zeros(7) for side in SIDES}
-        self._torso_velocity = np.zeros(4)
-        self._gripper_velocity: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
+        self._targets = np.zeros(self._layout.size)
+        self._targets[list(self._layout.gripper.values())] = 1.0
+        self._width: dict[Side, float] = dict.fromkeys(sides, self.model.opening_m)
+        self._arm_velocity = {side: np.zeros(len(self.model.arm_joints[side])) for side in sides}
+        self._torso_velocity = np.zeros(len(self.model.torso_joints))
+        self._gripper_velocity: dict[Side, float] = dict.fromkeys(sides, 0.0)
         self._action = self._targets.copy()
 
     @property
     def action(self) -> Array:
-        """(23,) command of the next step."""
+        """(A,) command of the next step."""
         return self._action.copy()
 
     def act(self, action: Array) -> None:
-        """Set the command of the next step. Raises BackendError unless it is (23,) and finite."""
+        """Set the command of the next step. Raises BackendError unless it is (A,) and finite."""
         action = np.array(action, float)
-        if action.shape != (ACTION_SIZE,) or not np.isfinite(action).all():
-            raise BackendError(f"an action must be ({ACTION_SIZE},) and finite, not {action.shape}")
+        if action.shape != self._action.shape or not np.isfinite(action).all():
+            raise BackendError(f"an action must be {self._action.shape} and finite, not {action.shape}")
         self._action = action
 
     def hold(self) -> None:
@@ -68,24 +65,26 @@ class KinematicRobot:
 
     def proprioception(self) -> Proprioception:
         """What it feels now."""
+        layout, sides = self._layout, self.model.sides
         return Proprioception(
             base_pose=self._pose.copy(),
             base_velocity=self._velocity.copy(),
-            torso=self._targets[StaticLayout.TORSO].copy(),
-            arm={side: self._targets[StaticLayout.ARM[side]].copy() for side in SIDES},
-            arm_velocity={side: self._arm_velocity[side].copy() for side in SIDES},
+            torso=self._targets[layout.torso].copy(),
+            arm={side: self._targets[layout.arm[side]].copy() for side in sides},
+            arm_velocity={side: self._arm_velocity[side].copy() for side in sides},
             gripper_width=dict(self._width),
-            gripper_command={side: float(self._targets[StaticLayout.GRIPPER[side]]) for side in SIDES},
-            arm_command={side: self._targets[StaticLayout.ARM[side]].copy() for side in SIDES},
+            gripper_command={side: float(self._targets[layout.gripper[side]]) for side in sides},
+            arm_command={side: self._targets[layout.arm[side]].copy() for side in sides},
             torso_velocity=self._torso_velocity.copy(),
             gripper_velocity=dict(self._gripper_velocity),
-            open_m=_OPEN_M,
+            robot=self.model.name,
+            open_m=self.model.opening_m,
         )
 
     def look(self, camera: str) -> CameraImage:
         """A small black picture."""
-        if camera not in ("head", *SIDES):
-            raise BackendError(f"no camera {camera!r}; known: head, left, right")
+        if camera not in self.model.cameras:
+            raise BackendError(f"no camera {camera!r}; known: {', '.join(self.model.cameras)}")
         K = np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]])
         return CameraImage(camera, np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), np.float32), None, {}, K, np.eye(4))
 
@@ -105,32 +104,33 @@ class KinematicRobot:
 
     def advance(self, action: Array) -> None:
         """Move for one control step."""
-        dt = 1 / CONTROL_HZ
-        vx, vy, turn = self._velocity = action[StaticLayout.BASE].copy()
+        dt, layout = 1 / CONTROL_HZ, self._layout
+        vx, vy, turn = self._velocity = layout.velocity(action)
         yaw = self._pose[2]
         self._pose += dt * np.array(
             [vx * math.cos(yaw) - vy * math.sin(yaw), vx * math.sin(yaw) + vy * math.cos(yaw), turn]
         )
         self._pose[2] = math.remainder(self._pose[2], math.tau)
-        for side in SIDES:
-            arm = StaticLayout.ARM[side]
+        for side in self.model.sides:
+            arm = layout.arm[side]
             self._arm_velocity[side] = (action[arm] - self._targets[arm]) / dt
             before = self._width[side]
-            wanted = (float(np.clip(action[StaticLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * _OPEN_M
+            wanted = (float(np.clip(action[layout.gripper[side]], -1, 1)) + 1) / 2 * self.model.opening_m
             reach = 0.4 * dt
             width = self._width[side] + float(np.clip(wanted - self._width[side], -reach, reach))
             self._width[side] = max(width, self.between_m[side])
             self._gripper_velocity[side] = (self._width[side] - before) / dt
-        self._torso_velocity = (action[StaticLayout.TORSO] - self._targets[StaticLayout.TORSO]) / dt
+        self._torso_velocity = (action[layout.torso] - self._targets[layout.torso]) / dt
         self._targets = action.copy()
-        self._targets[StaticLayout.BASE] = 0.0
+        layout.set_velocity(self._targets, 0.0)
 
 
 class KinematicWorld(StepClock):
     """An empty world with a KinematicRobot in it."""
 
-    def __init__(self) -> None:
-        self.robot = KinematicRobot()
+    def __init__(self, model: RobotDescription | None = None) -> None:
+        """Of a robot; None: the default one."""
+        self.robot = KinematicRobot(model)
 
     def step(self) -> None:
         """One control step."""
@@ -170,7 +170,8 @@ class StraightNavigator:
             return Report(Progress.FAILED, "not_started", "no target was set")
         if self._target not in self._places:
             return Report(Progress.FAILED, "unknown_target", f"nothing known as {self._target!r}")
-        x, y, yaw = self._robot.proprioception().base_pose
+        body = self._robot.proprioception()
+        x, y, yaw = body.base_pose
         dx, dy = self._places[self._target][0] - x, self._places[self._target][1] - y
         distance = math.hypot(dx, dy)
         self._robot.hold()
@@ -179,7 +180,7 @@ class StraightNavigator:
         speed = min(self._speed, distance * CONTROL_HZ)
         heading = math.atan2(dy, dx) - yaw
         action = self._robot.action
-        action[StaticLayout.BASE] = speed * math.cos(heading), speed * math.sin(heading), 0.0
+        layout_of(body).set_velocity(action, speed * np.array([math.cos(heading), math.sin(heading), 0.0]))
         self._robot.act(action)
         return Report(Progress.RUNNING, "", f"driving to {self._target}")
 
@@ -210,19 +211,20 @@ class GripPolicy:
         self._chunks = 0
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(15, 23) actions."""
+        """(15, A) actions."""
         parts = clauses(observation["prompt"], self._skills)
         call = match(parts[min(self._chunks // 3, len(parts) - 1)], self._skills) if parts else None
         self._chunks += 1
         body: Proprioception = observation["proprioception"]
-        action = np.zeros(ACTION_SIZE)
-        action[StaticLayout.TORSO] = body.torso
-        for side in SIDES:
-            action[StaticLayout.ARM[side]] = body.arm[side]
-            action[StaticLayout.GRIPPER[side]] = body.gripper_command[side]
+        layout = layout_of(body)
+        action = np.zeros(layout.size)
+        action[layout.torso] = body.torso
+        for side in body.sides:
+            action[layout.arm[side]] = body.arm[side]
+            action[layout.gripper[side]] = body.gripper_command[side]
         if call is not None:
             hand: Side = "left" if call.arguments.get("hand", self._hand) == "left" else "right"
-            action[StaticLayout.GRIPPER[hand]] = -1.0 if call.motion == "pick" else 1.0
+            action[layout.gripper[hand]] = -1.0 if call.motion == "pick" else 1.0
         return np.tile(action, (self.horizon, 1))
 
 
@@ -244,7 +246,7 @@ class FingerTriggers:
         """The event that fires now, if any."""
         body = self._robot.proprioception()
         fired = None
-        for side in SIDES:
+        for side in body.sides:
             width = body.gripper_width[side]
             if abs(width - self._before[side]) > 1e-4:
                 self._moved.add(side)

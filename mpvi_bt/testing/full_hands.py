@@ -14,7 +14,7 @@ from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 from mpvi_bt.ground.robot.arms import posture_distance
 from mpvi_bt.ground.robot.collision import Body, Load, Obstacles
 from mpvi_bt.ground.robot.model import SIGN, RobotModel
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.hands.stance.grasps import grasps
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
@@ -50,7 +50,7 @@ def put_in_hands(world: SimWorld, held: Mapping[Side, str]) -> None:
     world.robot.stand(arms)
     action = world.robot.action
     for side in held:
-        action[StaticLayout.GRIPPER[side]] = -1.0
+        action[world.robot.model.layout.gripper[side]] = -1.0
     for fixed in (True, False):
         for side, name in held.items():
             world.place(name, poses[side], fixed=fixed)

@@ -108,7 +108,7 @@ class WithBackup:
             getattr(policy, "close", lambda: None)()
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(H, 23). Raises PolicyError if the one at work gives no chunk."""
+        """(H, A). Raises PolicyError if the one at work gives no chunk."""
         if observation["prompt"] != self._prompt:
             self.reset()
             self._prompt = str(observation["prompt"])

@@ -13,11 +13,11 @@ from mpvi_bt.ground.errors import UserError, shown
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.action_rows import ActionKind
-from mpvi_bt.ground.robot.protocol import StaticLayout
+from mpvi_bt.ground.robot.robots import layout_of
 
 DECAY = 0.01  # per step of age; the value that ACT was published with
-_ARMS = np.r_[StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
 _OLDEST = 1024  # our choice: chunks that are kept: more are never averaged
 
 
@@ -101,17 +101,19 @@ class WrappedPolicy:
             self._policy.restore(saved)
 
 
-def difference(foreseen: Array | None, chunk: Array) -> float:
+def difference(foreseen: Array | None, chunk: Array, layout: ActionLayout) -> float:
     """How far two chunks for the same steps are apart [rad]: the arm joint that differs most, averaged over the steps.
 
     Args:
-        foreseen: (k, 23) what was foreseen, from this step on; None: nothing.
-        chunk: (H, 23) what is now.
+        foreseen: (k, A) what was foreseen, from this step on; None: nothing.
+        chunk: (H, A) what is now.
+        layout: Of both.
     """
     steps = 0 if foreseen is None else min(len(foreseen), len(chunk))
-    if foreseen is None or not steps:
+    if foreseen is None or not steps or not layout.arm:
         return 0.0
-    apart = np.abs(chunk[:steps, _ARMS] - foreseen[:steps, _ARMS])
+    arms = layout.arm_joints
+    apart = np.abs(chunk[:steps, arms] - foreseen[:steps, arms])
     return float(apart.max(1).mean())
 
 
@@ -145,9 +147,9 @@ class RecedingHorizon(WrappedPolicy):
         self._rest, self._disagreement = None, 0.0
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(h, 23), h at most the horizon. Raises PolicyError if the policy gives no chunk."""
+        """(h, A), h at most the horizon. Raises PolicyError if the policy gives no chunk."""
         chunk = ask(self._policy, observation)
-        self._disagreement = difference(self._rest, chunk)
+        self._disagreement = difference(self._rest, chunk, layout_of(observation["proprioception"]))
         self._rest = chunk[self._horizon :]
         return chunk[: self._horizon]
 
@@ -188,13 +190,14 @@ class TemporalEnsemble(WrappedPolicy):
         self._disagreement = 0.0
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(1, 23). Raises PolicyError if the policy gives no chunk."""
+        """(1, A). Raises PolicyError if the policy gives no chunk."""
         if observation["prompt"] != self._prompt:
             self._prompt = str(observation["prompt"])
             self._chunks.clear()
         newest = ask(self._policy, observation)
         self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1][-_OLDEST:]
-        self._disagreement = difference(self._chunks[-1] if self._chunks else None, newest)
+        last = self._chunks[-1] if self._chunks else None
+        self._disagreement = difference(last, newest, layout_of(observation["proprioception"]))
         self._chunks.append(newest)
         weights = np.exp(-self._decay * np.arange(len(self._chunks)))
         now = np.stack([chunk[0] for chunk in self._chunks])

@@ -13,8 +13,8 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, check_rate, command_of, of_kind
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,8 @@ class PacedPolicy(WrappedPolicy):
     ) -> None:
         super().__init__(policy)
         self._given, self._kind, self._said_by, self._to_hz = rate_hz, kind, said_by, to_hz
-        self._rows, self._ramp = Resampler(), BaseRamp()
+        self._rows: Resampler | None = None
+        self._ramp = BaseRamp()
         self.pace: Pace | None = None
 
     @property
@@ -76,11 +77,11 @@ class PacedPolicy(WrappedPolicy):
     def reset(self) -> None:
         """Forget everything, and what is left of a row."""
         super().reset()
-        self._rows.reset()
+        self._rows = None
         self._ramp.reset()
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(K, 23), K >= 1. The policy is asked again where its rows are shorter than a control step.
+        """(K, A), K >= 1. The policy is asked again where its rows are shorter than a control step.
 
         Raises:
             PolicyError: The policy gives no chunk, says no rate or kind, or rows that the robot can never be told.
@@ -90,21 +91,24 @@ class PacedPolicy(WrappedPolicy):
             return ask(self._policy, observation)
         body = observation["proprioception"]
         before = observation["command"] if "command" in observation else command_of(body)
+        robot = robot_named(body.robot)
+        if self._rows is None:
+            self._rows = Resampler(robot.layout)
         while True:
             rows = ask(self._policy, self._as_rows(observation, before, to_hz))
             if (pace := self._pace()) != self.pace:
                 self._rows.reset()
                 self.pace = pace
             start = before if self._rows.last is None else self._rows.last
-            rows = as_absolute(rows, pace.kind, pace.rate_hz, start, robot_named(body.robot))
+            rows = as_absolute(rows, pace.kind, pace.rate_hz, start, robot)
             if pace.rate_hz == to_hz:
                 return rows
             steps = self._rows.resampled(rows, pace.rate_hz, to_hz, before)
             if len(steps):
                 break
         if pace.rate_hz < to_hz == CONTROL_HZ:
-            base = StaticLayout.BASE
-            steps[:, base] = self._ramp.ramped(steps[:, base], self._rows.at, before[base])
+            velocity = robot.layout.velocity
+            robot.layout.set_velocity(steps, self._ramp.ramped(velocity(steps), self._rows.at, velocity(before)))
         return steps
 
     def _as_rows(self, observation: Mapping[str, Any], before: Array, to_hz: float) -> Mapping[str, Any]:
@@ -112,10 +116,10 @@ class PacedPolicy(WrappedPolicy):
         if self.pace is None or "committed" not in observation:
             return observation
         rate_hz, kind = self.pace.rate_hz, self.pace.kind
-        rows = observation["committed"]
+        rows, layout = observation["committed"], layout_of(observation["proprioception"])
         if rate_hz != to_hz:
-            rows = Resampler().resampled(rows, to_hz, rate_hz, before)
-        return {**observation, "committed": of_kind(rows, kind, rate_hz, before)}
+            rows = Resampler(layout).resampled(rows, to_hz, rate_hz, before)
+        return {**observation, "committed": of_kind(rows, kind, rate_hz, before, layout)}
 
     def _pace(self) -> Pace:
         kind = self._kind or getattr(self._policy, "actions", None) or "absolute"

@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from mpvi_bt.executive.behaviors.node import Leaf
 from mpvi_bt.executive.behaviors.timer import Timer
-from mpvi_bt.ground.robot.protocol import StaticLayout
+from mpvi_bt.ground.robot.robots import layout_of
 
 
 class BackOff(Leaf):
@@ -37,9 +37,9 @@ class BackOff(Leaf):
         if not trail or (self._timer is not None and self._timer.is_up(context.clock)):
             return Status.SUCCESS
         was, action = trail.pop(), robot.action.copy()
-        action[StaticLayout.BASE] = 0.0
-        for part in (StaticLayout.TORSO, *StaticLayout.ARM.values()):
-            action[part] = was[part]
+        layout = layout_of(robot.proprioception())
+        layout.set_velocity(action, 0.0)
+        action[layout.joints] = was[layout.joints]
         robot.act(action)
         self.feedback_message = "arms back along their way"
         return Status.RUNNING

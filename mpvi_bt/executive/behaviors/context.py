@@ -259,7 +259,7 @@ class Context:
             the VLA continues until it is told), or the robot holds still.
         asking: Questions to the checker that are open.
         calibration: Thresholds of monitors; None: they never alarm.
-        trail: (23,) commands of the last handoff that a monitor watched, the newest last; at most `TRAIL_STEPS`.
+        trail: (A,) commands of the last handoff that a monitor watched, the newest last; at most `TRAIL_STEPS`.
         replanning: Has new plans made where an `attempt` wants one; None: it does without.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.

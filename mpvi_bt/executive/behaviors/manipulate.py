@@ -190,7 +190,7 @@ class Manipulate(Leaf):
         return ""
 
     def _infer(self, body: Proprioception, watch: HandoffWatch) -> Array:
-        """(H, 23) actions from the policy. Raises PolicyError unless they are that, and finite."""
+        """(H, A) actions from the policy. Raises PolicyError unless they are that, and finite."""
         context = self.context
         with context.stopwatch("rendering"):
             images = {camera: context.robot.look(camera) for camera in context.policy.cameras}

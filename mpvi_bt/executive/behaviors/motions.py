@@ -10,8 +10,8 @@ from py_trees.common import Status
 
 from mpvi_bt.executive.behaviors.node import Leaf
 from mpvi_bt.executive.behaviors.saved_state import number
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, StaticLayout
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 from mpvi_bt.ground.robot.stow import ArmStow
 
 # All our choice: slow enough that what a hand holds by friction stays there.
@@ -111,7 +111,8 @@ class LookAround(Leaf):
 
     def _turn(self) -> Status:
         robot, now = self.context.robot, self.context.clock.time_s
-        yaw = float(robot.proprioception().base_pose[2])
+        body = robot.proprioception()
+        yaw = float(body.base_pose[2])
         if self._yaw is not None:
             self._turned_rad += math.remainder(yaw - self._yaw, math.tau)
         self._yaw = yaw
@@ -128,6 +129,6 @@ class LookAround(Leaf):
         self._speed = min(self._speed + _TURN_RAD_S2 / CONTROL_HZ, _TURN_RAD_S, braking, _LAST_PER_S * abs(left))
         robot.hold()
         action = robot.action
-        action[StaticLayout.BASE] = 0.0, 0.0, math.copysign(self._speed, left)
+        layout_of(body).set_velocity(action, np.array([0.0, 0.0, math.copysign(self._speed, left)]))
         robot.act(action)
         return Status.RUNNING

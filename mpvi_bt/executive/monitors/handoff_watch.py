@@ -12,8 +12,8 @@ from mpvi_bt.executive.monitors.travel import Travel
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.grip import GripWatch
 from mpvi_bt.ground.robot.limits import within_limits
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 _CLIPPED = 1e-3  # [m, rad, m/s]: what is brought within the limits by less is no more than noise
 _DIGITS = 3
@@ -36,7 +36,7 @@ class HandoffWatch:
     """
 
     def __init__(
-        self, path: str, prompt: str, felt: Proprioception, grip: GripWatch, model: RobotModel, time_s: float
+        self, path: str, prompt: str, felt: Proprioception, grip: GripWatch, model: RobotDescription, time_s: float
     ) -> None:
         self.path, self.prompt, self.began_s, self.clipped = path, prompt, time_s, 0
         self._grip, self._grasped, self._opened = grip, dict(grip.grasped), dict(grip.opened)
@@ -46,7 +46,8 @@ class HandoffWatch:
         self._steps = 0
         self._empty: Counter[Side] = Counter()
         self._lost: Counter[Side] = Counter()
-        self._beyond, self._ahead = np.zeros(ACTION_SIZE, int), np.zeros(ACTION_SIZE, int)
+        self._layout = model.layout
+        self._beyond, self._ahead = (np.zeros(self._layout.size, int) for _ in range(2))
         self._chunks = self._longest = self._shortest = 0
         self._wall_s = self._wall_most_s = 0.0
 
@@ -67,8 +68,8 @@ class HandoffWatch:
 
         Args:
             felt: The robot at this step.
-            wanted: (23,) what the policy asked for.
-            action: (23,) what is commanded.
+            wanted: (A,) what the policy asked for.
+            action: (A,) what is commanded.
 
         Returns:
             Whether the action had to be brought within the robot's limits.
@@ -125,32 +126,19 @@ class HandoffWatch:
 
     def _as_told(self, felt: Proprioception, wanted: Array) -> Proprioception:
         """The robot as if it had done what it was told from the first step on."""
-        self._told_base = self._told_base + wanted[StaticLayout.BASE] / CONTROL_HZ  # turned wrongly: its length counts
+        layout = self._layout
+        self._told_base = self._told_base + layout.velocity(wanted) / CONTROL_HZ  # turned wrongly: its length counts
         return replace(
             felt,
             base_pose=self._told_base,
-            torso=wanted[StaticLayout.TORSO],
-            arm={side: wanted[StaticLayout.ARM[side]] for side in felt.sides},
-            gripper_width={s: (wanted[StaticLayout.GRIPPER[s]] + 1.0) / 2 * felt.open_m for s in felt.sides},
+            torso=wanted[layout.torso],
+            arm={side: wanted[layout.arm[side]] for side in felt.sides},
+            gripper_width={s: (wanted[layout.gripper[s]] + 1.0) / 2 * felt.open_m for s in felt.sides},
         )
 
     def _clipped_at(self) -> dict[str, int]:
         """What was out of limits and how often, the most frequent first."""
-        found = Counter({f"{_NAMES[i]} beyond its limit": int(n) for i, n in enumerate(self._beyond) if n})
-        found += Counter({f"{_NAMES[i]} too far in one step": int(n) for i, n in enumerate(self._ahead) if n})
+        part = self._layout.part
+        found = Counter({f"{part(i)} beyond its limit": int(n) for i, n in enumerate(self._beyond) if n})
+        found += Counter({f"{part(i)} too far in one step": int(n) for i, n in enumerate(self._ahead) if n})
         return dict(found.most_common())
-
-
-def _names() -> list[str]:
-    """Each number of an action, for a person."""
-    names = ["base forward", "base sideways", "base turn", *[""] * (ACTION_SIZE - 3)]
-    parts = [("torso joint", StaticLayout.TORSO), *((f"{s} arm joint", arm) for s, arm in StaticLayout.ARM.items())]
-    for name, where in parts:
-        for number, i in enumerate(range(ACTION_SIZE)[where], 1):
-            names[i] = f"{name} {number}"
-    for side, i in StaticLayout.GRIPPER.items():
-        names[i] = f"{side} gripper"
-    return names
-
-
-_NAMES = _names()

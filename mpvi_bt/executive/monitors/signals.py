@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robots import layout_of
 
 SIGNALS = ("reversals", "disagreement", "stall", "grip")
 SAMPLE_S = 0.5  # between two samples of the signals. Our choice: a grasp takes about that long
@@ -45,7 +46,7 @@ class Signals:
 
     def __init__(self, felt: Proprioception, parameters: SignalParameters | None = None) -> None:
         self._parameters = parameters or SignalParameters()
-        self._arms = np.concatenate([np.arange(23)[StaticLayout.ARM[side]] for side in felt.sides])
+        self._arms = layout_of(felt).arm_joints
         self._told: Array | None = None
         self._ways = np.zeros(len(self._arms))
         steps = round(self._parameters.window_s * CONTROL_HZ)
@@ -60,7 +61,7 @@ class Signals:
 
         Args:
             felt: The robot at this step.
-            action: (23,) the command in force.
+            action: (A,) the command in force.
             disagreement: Of the chunk that begins at this step with the one before [rad].
             notices: Empty and lost grasps at this step.
         """
@@ -80,7 +81,7 @@ class Signals:
     @property
     def values(self) -> tuple[float, float, float, float]:
         """As of `SIGNALS`."""
-        reversals = sum(self._turned) / len(self._arms) / self._parameters.window_s
+        reversals = sum(self._turned) / max(len(self._arms), 1) / self._parameters.window_s
         return reversals, max(self._differed, default=0.0), self._stalled_steps / CONTROL_HZ, float(self._grip)
 
     def _got_anywhere(self, felt: Proprioception) -> bool:

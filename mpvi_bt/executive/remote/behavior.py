@@ -19,8 +19,8 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.camera import Camera
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 ROBOT = "robot_r1"  # what evaluators call the robot
 LINKS: Mapping[str, str] = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}
@@ -46,7 +46,7 @@ class Behavior:
     def __init__(self, name: layout.Dialect) -> None:
         self.name: layout.Dialect = name
 
-    def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
+    def read(self, message: Mapping[str, Any], robot: RobotDescription) -> Reading:
         """What an observation says. Raises BadMessage."""
         if (other := spoken(message)) not in ("", self.name):
             raise BadMessage(f"this is an observation of --protocol {other}, and --protocol {self.name} was chosen")
@@ -75,7 +75,7 @@ class Behavior:
             steps=chunk_of(message),
         )
 
-    def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
+    def answer(self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
         """`action`, and `action_chunk` if several are wanted; with a leading 1 if observations have one."""
         theirs = layout.action_for(actions).astype(np.float32)
         if any(isinstance(v, np.ndarray) and v.ndim == 2 for k, v in asked.items() if str(k).endswith("::proprio")):
@@ -127,7 +127,7 @@ class Behavior:
         return message
 
     def _cameras(
-        self, message: Mapping[str, Any], prefix: str, robot: RobotModel, body: Proprioception
+        self, message: Mapping[str, Any], prefix: str, robot: RobotDescription, body: Proprioception
     ) -> Mapping[str, Array]:
         """T_base_camera of each camera, as told or by the robot's joints."""
         key = f"{prefix}::cam_rel_poses"
@@ -140,7 +140,7 @@ class Behavior:
         message: Mapping[str, Any],
         key: str,
         camera: str,
-        robot: RobotModel,
+        robot: RobotDescription,
         T: Array,
         names: dict[int, str] | None,
     ) -> Callable[[], CameraImage]:

@@ -20,7 +20,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.rotations import matrices, rotation
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, SIDES, Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.ground.robot.robots import robot_named
 
 Dialect = Literal["behavior-2025", "behavior-2026"]
@@ -28,6 +28,8 @@ DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 BaseVelocity = Literal["world", "robot", "zero"]
 BASE_UNITS = np.array([0.75, 0.75, 1.0])  # [m/s, m/s, rad/s] of a base input of 1 (BEHAVIOR's r1pro.yaml)
 BODY = "r1pro"  # the robot whose numbers these are
+ACTION_SIZE = 23  # numbers of its action
+_BASE = slice(0, 3)  # of those
 CAMERAS = ("left", "right", "head")  # order of `cam_rel_poses`
 _USD = np.array([1.0, -1.0, -1.0])  # optical axes (z forward, y down) to USD's (looks along -z, y up)
 
@@ -240,7 +242,7 @@ def pose_in_world(fields: Mapping[str, Array]) -> Array | None:
 def action_from(theirs: Array) -> Array:
     """(..., 23) our action of BEHAVIOR's, for an R1Pro: the base's part is clipped to -1..1 and scaled."""
     ours = np.array(theirs, float)
-    ours[..., StaticLayout.BASE] = np.clip(ours[..., StaticLayout.BASE], -1.0, 1.0) * BASE_UNITS
+    ours[..., _BASE] = np.clip(ours[..., _BASE], -1.0, 1.0) * BASE_UNITS
     return ours
 
 
@@ -248,7 +250,7 @@ def action_for(ours: Array) -> Array:
     """(..., 23) our action as BEHAVIOR's, for an R1Pro; base speeds are clipped to the limits."""
     theirs = np.array(ours, float)
     assert theirs.shape[-1] == ACTION_SIZE
-    theirs[..., StaticLayout.BASE] = np.clip(theirs[..., StaticLayout.BASE] / BASE_UNITS, -1.0, 1.0)
+    theirs[..., _BASE] = np.clip(theirs[..., _BASE] / BASE_UNITS, -1.0, 1.0)
     return theirs
 
 

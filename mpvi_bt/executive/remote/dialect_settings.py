@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from mpvi_bt.executive.remote.behavior_layout import SIZE, BaseVelocity, Dialect
+from mpvi_bt.executive.remote.behavior_layout import ACTION_SIZE, SIZE, BaseVelocity, Dialect
 from mpvi_bt.executive.remote.dataset_rate import dataset_rate
 from mpvi_bt.executive.remote.prompts import check_prompts
 from mpvi_bt.ground import paths
@@ -19,7 +19,8 @@ from mpvi_bt.ground.errors import FileProblems, UserError, shown
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
 from mpvi_bt.ground.robot.action_rows import LEAST_HZ, MOST_HZ, ActionKind
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.robots import robot_named
 
 CameraName = Literal["head", "left", "right"]
 CAMERAS: tuple[CameraName, ...] = get_args(CameraName)
@@ -255,28 +256,34 @@ class Action(Record):
 
     Attributes:
         key: Of the array, (H, size) or (size,).
-        size: Numbers of one action.
-        parts: Where ours are among them; by default the 23 are ours. A part that is left out is held as it was when
+        size: Numbers of one action; None: as many as the robot's own has.
+        parts: Where ours are among them; by default they are ours. A part that is left out is held as it was when
             the policy was reset; the base stands still.
-        dialect: Whose 23 numbers they are in place of parts: BEHAVIOR's, of its R1Pro, are alike in both years.
+        dialect: Whose numbers they are in place of parts.
     """
 
     key: Key = "actions"
-    size: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBERS)] = ACTION_SIZE
+    size: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBERS)] | None = None
     parts: tuple[CommandedPiece, ...] = ()
     dialect: Dialect | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Action:
-        if self.dialect is not None and (self.parts or self.size != ACTION_SIZE):
+        if self.dialect is not None and (self.parts or self.size not in (None, ACTION_SIZE)):
             raise ValueError(f"{self.dialect} says what all of its {ACTION_SIZE} numbers are: no 'parts' beside it")
-        if not self.parts and self.size != ACTION_SIZE:
-            raise ValueError(f"{self.size} numbers are not ours, which are {ACTION_SIZE}: say in 'parts' what they are")
+        ours = robot_named(DEFAULT_ROBOT).layout.size if self.parts or self.size else None
+        if not self.parts and self.size not in (None, ours):
+            raise ValueError(f"{self.size} numbers are not ours, which are {ours}: say in 'parts' what they are")
         names = [piece.part for piece in self.parts]
         if again := next((name for name in names if names.count(name) > 1), None):
             raise ValueError(f"{again} is commanded twice")
-        _check_places(self.parts, self.size)
+        _check_places(self.parts, self.size or ours)
         return self
+
+    @property
+    def told_size(self) -> int | None:
+        """How many numbers the server answers; None: as many as the robot's own action has."""
+        return ACTION_SIZE if self.dialect is not None else self.size
 
 
 class DialectSettings(Record):

@@ -24,8 +24,7 @@ from mpvi_bt.executive.remote.remote_world import RemoteWorld
 from mpvi_bt.executive.remote.server import Given, Promise, Refused
 from mpvi_bt.ground.errors import BadMessage, MpviError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import StaticLayout
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 # Plays an episode that begins with an observation, in its world; what became of it, in a line.
 Play = Callable[[Reading, RemoteWorld], str]
@@ -45,7 +44,7 @@ class DrivenSession:
         say: Told what a person should know, in one line.
     """
 
-    def __init__(self, dialect: Dialect, robot: RobotModel, play: Play, say: Callable[[str], None]) -> None:
+    def __init__(self, dialect: Dialect, robot: RobotDescription, play: Play, say: Callable[[str], None]) -> None:
         self._dialect, self._robot, self._play, self._say = dialect, robot, play, say
         self._frames: queue.SimpleQueue[tuple[Given, Promise] | None] = queue.SimpleQueue()
         self._asked: Mapping[str, Any] = {}  # the observation that is open,
@@ -61,7 +60,8 @@ class DrivenSession:
     def begin(self) -> Any:
         """At once: what the metadata say of it."""
         promise = Promise()
-        promise.keep({"protocol": self._dialect.name, "robot": self._robot.name})
+        size = self._robot.layout.size
+        promise.keep({"protocol": self._dialect.name, "robot": self._robot.name, "action_size": size})
         return promise.future
 
     def answer(self, given: Given) -> Any:
@@ -82,7 +82,7 @@ class DrivenSession:
 
     def exchange(self, actions: Array) -> Reading:
         """Answer the open observation, and wait for the next one. Raises Over, BadMessage."""
-        self._reply(self._dialect.answer(actions, self._asked))
+        self._reply(self._dialect.answer(actions, self._asked, self._robot))
         self._next()
         return self._read()
 
@@ -131,12 +131,12 @@ class DrivenSession:
         """Answer the open observation: the base stands, every joint keeps its target."""
         assert world is not None
         action = world.robot.action
-        action[StaticLayout.BASE] = 0.0
+        self._robot.layout.set_velocity(action, 0.0)
         try:
             count = self._read().steps
         except BadMessage:
             count = 1
-        self._reply({**self._dialect.answer(np.tile(action, (count, 1)), self._asked), "ended": why})
+        self._reply({**self._dialect.answer(np.tile(action, (count, 1)), self._asked, self._robot), "ended": why})
 
     def _refuse(self, kind: str, why: str) -> None:
         """Answer the open observation by an error, which ends the connection; wait until the client has gone."""

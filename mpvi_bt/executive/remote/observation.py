@@ -13,16 +13,15 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.executive.plan.schema import MOST_OF_PROMPT
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS
 from mpvi_bt.ground.errors import BadMessage, UnknownName, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import check_rate
-from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT, CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import robot_named
 
 _BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
 _MORE = ("arm_command", "torso_velocity", "gripper_velocity", "robot")
-_ROBOT = "r1"  # where none is named
 
 Vocabulary = Mapping[str, Iterable[str]]  # name of a thing, as labels of pictures have it: what people call it
 
@@ -79,8 +78,12 @@ def _write_image(image: CameraImage) -> dict[str, Any]:
     return {**message, "labels": image.labels, "names": {str(id_): name for id_, name in image.names.items()}}
 
 
-def read_observation(message: Any) -> PolicyQuestion:
+def read_observation(message: Any, robot: RobotDescription | None = None) -> PolicyQuestion:
     """What a message asks.
+
+    Args:
+        message: As unpacked; nothing is known of it.
+        robot: Whose it is, where it names none; None: the default robot's.
 
     Raises:
         BadMessage: Something is missing, not known, or of the wrong kind, shape or dtype; says where, and what would
@@ -93,10 +96,11 @@ def read_observation(message: Any) -> PolicyQuestion:
         raise BadMessage(f"prompt: {len(prompt)} characters are given, at most {MOST_OF_PROMPT} are wanted")
     if not isinstance(reset := top.get("reset", False), bool):
         raise _wrong("reset", reset, "true or false")
-    images = _mapping(top.get("images", {}), "images", (), CAMERAS)
+    body = _read_body(top["proprioception"], robot)
+    images = _mapping(top.get("images", {}), "images", (), tuple(robot_named(body.robot).cameras))
     observation = {
         "prompt": prompt,
-        "proprioception": _read_body(top["proprioception"]),
+        "proprioception": body,
         "images": {camera: _read_image(camera, image) for camera, image in images.items()},
     }
     vocabulary = read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None
@@ -120,23 +124,24 @@ def read_vocabulary(given: Any) -> Vocabulary:
     return given
 
 
-def _read_body(given: Any) -> Proprioception:
+def _read_body(given: Any, default: RobotDescription | None) -> Proprioception:
     body = _mapping(given, "proprioception", _BODY, _MORE)
-    robot = body.get("robot", _ROBOT)
+    robot = body.get("robot", DEFAULT_ROBOT if default is None else default.name)
     if not isinstance(robot, str):
         raise _wrong("proprioception.robot", robot, "the name of a robot")
     try:
         model = robot_named(robot)
     except UnknownName as error:
         raise BadMessage(f"proprioception.robot: {error}") from None
-    sides = model.sides
+    sides, joints = model.sides, len(model.torso_joints)
 
     def numbers(name: str, size: int) -> Array:
         return _numbers(body[name], f"proprioception.{name}", (size,))
 
     def arms(name: str) -> dict[Side, Array]:
         both = _mapping(body[name], f"proprioception.{name}", sides, ())
-        return {side: _numbers(both[side], f"proprioception.{name}.{side}", (7,)) for side in sides}
+        size = {side: (len(model.arm_joints[side]),) for side in sides}
+        return {side: _numbers(both[side], f"proprioception.{name}.{side}", size[side]) for side in sides}
 
     def hands(name: str) -> dict[Side, float]:
         both = _mapping(body[name], f"proprioception.{name}", sides, ())
@@ -145,16 +150,16 @@ def _read_body(given: Any) -> Proprioception:
     return Proprioception(
         base_pose=numbers("base_pose", 3),
         base_velocity=numbers("base_velocity", 3),
-        torso=numbers("torso", 4),
+        torso=numbers("torso", joints),
         arm=arms("arm"),
         arm_velocity=arms("arm_velocity"),
         gripper_width=hands("gripper_width"),
         gripper_command=hands("gripper_command"),
         arm_command=arms("arm_command") if "arm_command" in body else {},
-        torso_velocity=numbers("torso_velocity", 4) if "torso_velocity" in body else np.zeros(4),
+        torso_velocity=numbers("torso_velocity", joints) if "torso_velocity" in body else np.zeros(joints),
         gripper_velocity=hands("gripper_velocity") if "gripper_velocity" in body else {},
         robot=robot,
-        open_m=model.hand.opening_m,
+        open_m=model.opening_m,
     )
 
 

@@ -133,7 +133,7 @@ class OpenpiPolicy:
         self._persist(self._begin, self._settings.connect_s)
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, 23).
+        """The next actions, (H, A).
 
         One that holds still, if a server that came back wants pictures that it had not wanted before.
 

@@ -13,8 +13,8 @@ from mpvi_bt.executive.remote.reading import CHUNK, Reading, chunk_of, spoken
 from mpvi_bt.ground.errors import BadMessage, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import Resampler
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 RATE = "rate_hz"  # of the client, if it does not want an action for each control step
 COMMAND = "command"  # a key of ours: the targets that the robot has
@@ -25,27 +25,28 @@ class OwnKeys:
 
     name = "openpi"
 
-    def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
+    def read(self, message: Mapping[str, Any], robot: RobotDescription) -> Reading:
         """What an observation says. Raises BadMessage."""
         if (other := spoken(message)) not in ("", self.name):
             raise BadMessage(f"this is an observation of --protocol {other}, and --protocol {self.name} was chosen")
         said = {key: value for key, value in message.items() if key not in (COMMAND, CHUNK)}
-        question = read_observation({"prompt": "", **said})
+        question = read_observation({"prompt": "", **said}, robot)
         seen = question.observation
         return Reading(
-            body=replace(seen["proprioception"], robot=robot.name),
+            body=_as_of(robot, seen["proprioception"]),
             images=seen["images"],
-            command=_command(message[COMMAND]) if COMMAND in message else None,
+            command=_command(message[COMMAND], robot.layout.size) if COMMAND in message else None,
             instruction=seen["prompt"],
             vocabulary=question.vocabulary,
             steps=chunk_of(message) * _ticks(question.rate_hz),
         )
 
-    def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """`actions`, (K, 23); one for each row of a client that has a rate of its own."""
+    def answer(self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
+        """`actions`, (K, A); one for each row of a client that has a rate of its own."""
         rate_hz = asked.get(RATE, CONTROL_HZ)
         if rate_hz != CONTROL_HZ:
-            actions = Resampler().resampled(actions, CONTROL_HZ, rate_hz, actions[0], whole=False)
+            rows = Resampler(robot.layout)
+            actions = rows.resampled(actions, CONTROL_HZ, rate_hz, actions[0], whole=False)
         return {"actions": actions}
 
     def write(self, observation: Mapping[str, Any], command: Array, vocabulary: Any = None) -> dict[str, Any]:
@@ -61,10 +62,19 @@ def _ticks(rate_hz: float | None) -> int:
     return int(ticks)
 
 
-def _command(given: Any) -> Array:
-    if not (isinstance(given, np.ndarray) and given.shape == (ACTION_SIZE,) and given.dtype.kind in "iuf"):
+def _as_of(robot: RobotDescription, body: Proprioception) -> Proprioception:
+    """What the robot feels, whatever name the client has for it. Raises BadMessage: it is of other joints."""
+    joints = {side: len(body.arm[side]) for side in body.sides}
+    due = {side: len(robot.arm_joints[side]) for side in robot.sides}
+    if len(body.torso) != len(robot.torso_joints) or joints != due:
+        raise BadMessage(f"proprioception.robot: joints of a {body.robot}, and --robot {robot.name} was chosen")
+    return replace(body, robot=robot.name)
+
+
+def _command(given: Any, size: int) -> Array:
+    if not (isinstance(given, np.ndarray) and given.shape == (size,) and given.dtype.kind in "iuf"):
         what = f"{given.shape} {given.dtype}" if isinstance(given, np.ndarray) else shown(given)
-        raise BadMessage(f"{COMMAND}: {what} is given, ({ACTION_SIZE},) numbers are wanted")
+        raise BadMessage(f"{COMMAND}: {what} is given, ({size},) numbers are wanted")
     if not np.isfinite(given).all():
         raise BadMessage(f"{COMMAND}: not every value is finite")
     return np.array(given, float)

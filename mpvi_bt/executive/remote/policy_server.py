@@ -18,7 +18,8 @@ from mpvi_bt.executive.remote.server import Given, Promise, Refused, SocketServe
 from mpvi_bt.ground.compiled import compiling
 from mpvi_bt.ground.errors import BadMessage
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 
 Make = Callable[[Vocabulary], Policy]
 
@@ -107,7 +108,8 @@ class Session:
         self._policy = self._make(self._vocabulary)
         self._policy.reset()
         kind = getattr(self._policy, "actions", "absolute")
-        return {"cameras": list(self._policy.cameras), "actions": kind, **self._rate({})}
+        size = robot_named(DEFAULT_ROBOT).layout.size  # of an observation that names no robot
+        return {"cameras": list(self._policy.cameras), "actions": kind, **self._rate({}), "action_size": size}
 
     def _rate(self, observation: Mapping[str, Any]) -> dict[str, float]:
         """The rate of the rows of an answer, if anybody says it."""
@@ -122,8 +124,9 @@ class Session:
         started = compiling.clock()
         actions = np.asarray(policy.infer(observation), float)
         infer_s = compiling.clock() - started
-        if actions.ndim != 2 or actions.shape[1] != ACTION_SIZE or not len(actions) or not np.isfinite(actions).all():
-            raise Refused("policy_failed", f"actions of shape {actions.shape}; (H, {ACTION_SIZE}) and finite is wanted")
+        size = layout_of(observation["proprioception"]).size
+        if actions.ndim != 2 or actions.shape[1] != size or not len(actions) or not np.isfinite(actions).all():
+            raise Refused("policy_failed", f"actions of shape {actions.shape}; (H, {size}) and finite is wanted")
         message = {
             "actions": actions,
             "cameras": list(policy.cameras),

@@ -13,8 +13,8 @@ from mpvi_bt.executive.remote.observation import Vocabulary
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
 from mpvi_bt.ground.errors import BadMessage, shown
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 RESET, CHUNK = "reset", "__action_chunk_size__"  # keys that all dialects have
 
@@ -28,7 +28,7 @@ class Reading:
         images: Pictures by camera.
         placed: Whether the base's pose is told. If not, `body.base_pose` means nothing, and the poses of cameras are
             those in the base frame.
-        command: (23,) the targets that the robot has now; None: they are not told.
+        command: (A,) the targets that the robot has now; None: they are not told.
         task: Number of the task in BEHAVIOR's table; None: it is not told.
         instruction: What is to be done, "" if it is not told.
         vocabulary: What labels of pictures are called; None: it is not told.
@@ -55,12 +55,12 @@ class Dialect(Protocol):
         """As `--protocol` has it."""
         ...
 
-    def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
+    def read(self, message: Mapping[str, Any], robot: RobotDescription) -> Reading:
         """Read an observation. Raises BadMessage: the mistake, its place, and a correct form."""
         ...
 
-    def answer(self, actions: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """The answer (K, 23) to an observation; only its number of wanted actions has to be valid."""
+    def answer(self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
+        """The answer (K, A) to an observation; only its number of wanted actions has to be valid."""
         ...
 
 

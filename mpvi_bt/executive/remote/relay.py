@@ -21,7 +21,8 @@ from mpvi_bt.executive.remote.wire_mapping import actions_of
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import ActionKind, check_rate, command_of
-from mpvi_bt.ground.robot.protocol import Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import Proprioception
+from mpvi_bt.ground.robot.robots import layout_of
 
 
 class Stopped(KeyboardInterrupt):
@@ -72,7 +73,7 @@ class Relay:
         self._begin()
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, 23), once there is an answer. Raises Stopped."""
+        """The next actions, (H, A), once there is an answer. Raises Stopped."""
         self._felt = observation["proprioception"]
         if self._held is None:
             self._held = self._felt
@@ -114,7 +115,7 @@ class Relay:
         """Answer the last question without a reply, for a step: the base stands, joints go on to their last targets."""
         assert self._felt is not None
         action = (command_of(self._felt) if self._last is None else self._last).copy()
-        action[StaticLayout.BASE] = 0.0
+        layout_of(self._felt).set_velocity(action, 0.0)
         self._answers.put(action[None])
 
     def over(self) -> None:

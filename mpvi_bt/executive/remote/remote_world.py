@@ -20,8 +20,8 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import StepClock
 from mpvi_bt.ground.robot.limits import commanded, travel_action
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 # Our choice: twice as far as any robot here goes in a step at its top speed, and no rounding or noise comes near.
 _JUMP_M, _JUMP_RAD = 0.3, 0.9
@@ -32,7 +32,7 @@ class RobotConnection(Protocol):
     """The connection to whoever has the robot."""
 
     def exchange(self, actions: Array) -> Reading:
-        """Answer the last observation with actions (K, 23), and wait for the next one."""
+        """Answer the last observation with actions (K, A), and wait for the next one."""
         ...
 
     def look(self, camera: str) -> Reading:
@@ -47,7 +47,7 @@ class RemoteRobot:
         model: What robot it is.
     """
 
-    def __init__(self, model: RobotModel, first: Reading, line: RobotConnection) -> None:
+    def __init__(self, model: RobotDescription, first: Reading, line: RobotConnection) -> None:
         """Take the first observation."""
         self.model, self._line = model, line
         self._action = _first_command(model, first)
@@ -55,16 +55,16 @@ class RemoteRobot:
 
     @property
     def action(self) -> Array:
-        """(23,) a copy of the command of the next step."""
+        """(A,) a copy of the command of the next step."""
         return self._action.copy()
 
     def act(self, action: Array) -> None:
-        """Set the command of the next step, within the robot's limits. Raises BackendError unless (23,) and finite."""
+        """Set the command of the next step, within the robot's limits. Raises BackendError unless (A,) and finite."""
         self._action = commanded(self.model, action)
 
     def hold(self) -> None:
         """Stand still; every joint keeps its target."""
-        self._action[StaticLayout.BASE] = 0.0
+        self.model.layout.set_velocity(self._action, 0.0)
 
     def proprioception(self) -> Proprioception:
         """What was felt last."""
@@ -92,32 +92,32 @@ class RemoteRobot:
 
     def take(self, reading: Reading, odometry: Array) -> None:
         """Take in an observation; `odometry`: (3,) the base's place if the observation has none."""
-        told, action = reading.body, self._action
+        told, action, layout = reading.body, self._action, self.model.layout
         pose = told.base_pose if reading.placed else odometry
         self._body = replace(
             told,
             base_pose=pose,
-            gripper_command=told.gripper_command
-            or {side: float(action[StaticLayout.GRIPPER[side]]) for side in told.sides},
-            arm_command=told.arm_command or {side: action[StaticLayout.ARM[side]].copy() for side in told.sides},
+            gripper_command=told.gripper_command or {side: float(action[layout.gripper[side]]) for side in told.sides},
+            arm_command=told.arm_command or {side: action[layout.arm[side]].copy() for side in told.sides},
             robot=self.model.name,
-            open_m=self.model.hand.opening_m,
+            open_m=self.model.opening_m,
         )
         self._seen, self._seen_from = reading, pose
         self._images: dict[str, CameraImage] = {}
 
     def foresee(self) -> None:
         """Assume a commanded step without an observation; pictures stay as they are."""
-        body, action = self._body, self._action
-        arms = {side: action[StaticLayout.ARM[side]].copy() for side in body.sides}
+        body, action, layout = self._body, self._action, self.model.layout
+        velocity = layout.velocity(action)
+        arms = {side: action[layout.arm[side]].copy() for side in body.sides}
         self._body = replace(
             body,
-            base_pose=moved(body.base_pose, action[StaticLayout.BASE], 1 / CONTROL_HZ),
-            base_velocity=action[StaticLayout.BASE].copy(),
-            torso=action[StaticLayout.TORSO].copy(),
+            base_pose=moved(body.base_pose, velocity, 1 / CONTROL_HZ),
+            base_velocity=velocity,
+            torso=action[layout.torso].copy(),
             arm=arms,
             arm_velocity={side: (arms[side] - body.arm[side]) * CONTROL_HZ for side in body.sides},
-            gripper_command={side: float(action[StaticLayout.GRIPPER[side]]) for side in body.sides},
+            gripper_command={side: float(action[layout.gripper[side]]) for side in body.sides},
             arm_command=arms,
         )
 
@@ -132,7 +132,7 @@ class RemoteWorld(StepClock):
         robot: The robot.
     """
 
-    def __init__(self, model: RobotModel, first: Reading, line: RobotConnection) -> None:
+    def __init__(self, model: RobotDescription, first: Reading, line: RobotConnection) -> None:
         """Begin with an observation. If it has no base pose, the base's place now is the origin."""
         self.robot = RemoteRobot(model, first, line)
         self._line, self._reading = line, first
@@ -165,25 +165,25 @@ class RemoteWorld(StepClock):
         raise UserError("an episode of a robot elsewhere cannot be gone on with.")
 
 
-def _first_command(model: RobotModel, first: Reading) -> Array:
-    """(23,) the assumed command of a robot before its first observation.
+def _first_command(model: RobotDescription, first: Reading) -> Array:
+    """(A,) the assumed command of a robot before its first observation.
 
     What is felt, but for joints that are about where robots start: those were told to be there.
     """
     if first.command is not None:
         command = commanded(model, first.command)
-        command[StaticLayout.BASE] = 0.0
+        model.layout.set_velocity(command, 0.0)
         return command
-    start, body = travel_action(model), first.body
+    start, body, layout = travel_action(model), first.body, model.layout
     command = start.copy()
-    parts: list[tuple[slice, Array]] = [(StaticLayout.TORSO, body.torso)]
-    parts += [(StaticLayout.ARM[side], body.arm[side]) for side in body.sides]
+    parts: list[tuple[slice, Array]] = [(layout.torso, body.torso)]
+    parts += [(layout.arm[side], body.arm[side]) for side in body.sides]
     for part, felt in parts:
         command[part] = np.where(np.abs(felt - start[part]) < _START_RAD, start[part], felt)
     for side in body.sides:
         # In tenths: fingers are never quite where they were told to be.
-        opening = round(body.gripper_width[side] / model.hand.opening_m, 1)
-        command[StaticLayout.GRIPPER[side]] = np.clip(2 * opening - 1, -1.0, 1.0)
+        opening = round(body.gripper_width[side] / model.opening_m, 1)
+        command[layout.gripper[side]] = np.clip(2 * opening - 1, -1.0, 1.0)
     return command
 
 
@@ -191,10 +191,8 @@ def _check_follows(before: Proprioception, reading: Reading, steps: int) -> None
     """Raise BadMessage if the robot cannot have moved that far in these steps."""
     body = reading.body
     far = float(norm(body.base_pose[:2] - before.base_pose[:2])) if reading.placed else 0.0
-    turned = max(
-        float(np.abs(body.torso - before.torso).max()),
-        *(float(np.abs(body.arm[side] - before.arm[side]).max()) for side in body.sides),
-    )
+    joints = [body.torso - before.torso, *(body.arm[side] - before.arm[side] for side in body.sides)]
+    turned = max((float(np.abs(by).max()) for by in joints if len(by)), default=0.0)
     for what, by, most, unit in (("the base", far, _JUMP_M, "m"), ("a joint", turned, _JUMP_RAD, "rad")):
         if by > most * steps:
             raise BadMessage(

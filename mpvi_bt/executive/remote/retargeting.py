@@ -18,7 +18,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.arms import SphericalArm
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception
 from mpvi_bt.ground.robot.robots import robot_named
 
 _R1PRO = "r1pro"
@@ -69,13 +69,13 @@ def from_r1pro(actions: Array, body: Proprioception) -> Array:
         return actions
     robot, r1pro = robot_named(body.robot), robot_named(_R1PRO)
     check_like_r1pro(robot)
-    out = actions.copy()
-    posture = r1pro.trunk.posture(actions[:, StaticLayout.TORSO])
+    out, layout = actions.copy(), r1pro.layout
+    posture = r1pro.trunk.posture(actions[:, layout.torso])
     posture[:, 3] = math.asin(-float(r1pro.head_to_camera[2, 2]))  # an R1Pro cannot tilt its head
-    out[:, StaticLayout.TORSO] = robot.trunk.joints(posture)
+    out[:, layout.torso] = robot.trunk.joints(posture)
     for side in SIDES:
         near = np.array(body.arm[side], float)
-        for row in out[:, StaticLayout.ARM[side]]:
+        for row in out[:, layout.arm[side]]:
             row[4:] = near[4:] = _wrist(_turn(r1pro, row), robot, near)
     return out
 

@@ -24,7 +24,7 @@ from websockets.http11 import Request, Response
 from mpvi_bt.executive.remote.codec import MAX_BYTES, pack
 from mpvi_bt.executive.remote.connection import one_line
 from mpvi_bt.executive.remote.server_metrics import Metrics
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.ground.version import __version__
 
 MOST_CLIENTS = 64  # each has a policy and a thread
@@ -237,7 +237,6 @@ class SocketServer:
         return {
             "policy": self.name,
             **about,
-            "action_size": ACTION_SIZE,
             "control_hz": CONTROL_HZ,
             "mpvi_bt": __version__,
         }

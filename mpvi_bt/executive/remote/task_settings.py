@@ -6,7 +6,7 @@ from mpvi_bt.executive.remote.behavior_layout import BODY
 from mpvi_bt.executive.remote.dialect_settings import Constant, DialectSettings
 from mpvi_bt.executive.remote.prompts import prompt_of
 from mpvi_bt.ground.errors import UserError, shown
-from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import ROBOTS
 
 
@@ -43,7 +43,7 @@ def with_task(settings: DialectSettings, task: str | None, number: int | None) -
     return settings.model_copy(update={"observation": observation.model_copy(update=filled)})
 
 
-def check_robot(settings: DialectSettings, robot: RobotModel, called: str = "of the policy") -> None:
+def check_robot(settings: DialectSettings, robot: RobotDescription, called: str = "of the policy") -> None:
     """Raise UserError if the robot lacks a joint or hand of the settings; the message names robots that fit.
 
     Args:
@@ -57,7 +57,7 @@ def check_robot(settings: DialectSettings, robot: RobotModel, called: str = "of 
         raise UserError(f"the settings {called} {why}: {instead}, or other settings.")
 
 
-def unfit(settings: DialectSettings, robot: RobotModel) -> str:
+def unfit(settings: DialectSettings, robot: RobotDescription) -> str:
     """The first part of the settings that the robot lacks, or ""."""
     observation, action = settings.observation, settings.action
     vectors = list(observation.state.values()) if observation is not None else []

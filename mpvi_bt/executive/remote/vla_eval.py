@@ -76,11 +76,12 @@ class VlaEvalPolicy(OpenpiPolicy):
         if not (isinstance(version, int) and version == VERSION):
             raise PolicyError("bad_reply", f"version {shown(version)} of the protocol; {VERSION} is spoken here")
         sizes = _sizes(payload.get("action_spec"))
-        if sizes and all(sizes.values()) and sum(sizes.values()) != self._settings.action.size:
+        due = self._settings.action.told_size
+        if due and sizes and all(sizes.values()) and sum(sizes.values()) != due:
             parts = ", ".join(f"{one_line(name, 40)} {size}" for name, size in sizes.items())
             raise PolicyError(
                 "bad_reply",
-                f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {self._settings.action.size}",
+                f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {due}",
             )
         wants = payload.get("observation_params")
         layout = self._settings.observation

@@ -14,20 +14,13 @@ from mpvi_bt.executive.remote.dialect_settings import Action, Felt, Image, Obser
 from mpvi_bt.executive.remote.retargeting import from_r1pro
 from mpvi_bt.ground.errors import PolicyError, shown, with_article
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side, StaticLayout
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 
 _ANSWERED = {"settings such as openpi_comet or mpvi": "actions", "settings such as behavior_2026": "action"}  # keys
 MOST_ACTIONS = 1024  # of a chunk: half a minute without a look
-_OURS: Mapping[str, slice] = {
-    "base_velocity": StaticLayout.BASE,
-    "torso": StaticLayout.TORSO,
-    "arm_left": StaticLayout.ARM["left"],
-    "arm_right": StaticLayout.ARM["right"],
-    "gripper_command_left": slice(StaticLayout.GRIPPER["left"], StaticLayout.GRIPPER["left"] + 1),
-    "gripper_command_right": slice(StaticLayout.GRIPPER["right"], StaticLayout.GRIPPER["right"] + 1),
-}
 
 
 def message_of(observation: Mapping[str, Any], layout: Observation) -> dict[str, Any]:
@@ -166,7 +159,7 @@ def felt(body: Proprioception, part: Felt) -> Array:
 
 
 def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioception | None = None) -> Array:
-    """(H, 23) the actions of a reply.
+    """(H, A) the actions of a reply.
 
     Args:
         reply: As unpacked; nothing is known of it.
@@ -184,17 +177,32 @@ def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioce
             said = f"no {layout.key!r} in the reply, which has: {', '.join(keys)[:200] or 'nothing'}"
             raise PolicyError("bad_reply", said + _fitting(layout.key, given))
         given = given[name]
-    theirs = _checked(given, layout)
+    robot = layout_of(held)
+    theirs = _checked(given, layout.key, layout.told_size or robot.size)
     if layout.dialect is not None:
         return from_r1pro(action_from(theirs), felt or held)
     if not layout.parts:
         return theirs
     ours = np.tile(command_of(held), (len(theirs), 1))
     for piece in layout.parts:
-        ours[:, _OURS[piece.part]] = _converted(theirs, piece)
+        _put_part(ours, robot, piece.part, _converted(theirs, piece))
     if not np.isfinite(ours).all():
         raise PolicyError("bad_reply", "actions that are not finite once scaled")
     return ours
+
+
+def _put_part(ours: Array, robot: ActionLayout, part: str, values: Array) -> None:
+    """Write a part (H, n), by its name in settings, into our actions (H, A)."""
+    if part == "base_velocity":
+        robot.set_velocity(ours, values)
+        return
+    side: Side = "left" if part.endswith("left") else "right"
+    if part == "torso":
+        ours[:, robot.torso] = values
+    elif part.startswith("arm"):
+        ours[:, robot.arm[side]] = values
+    else:
+        ours[:, robot.gripper[side]] = values[:, 0]
 
 
 def _fitting(key: str, reply: Any) -> str:
@@ -205,18 +213,18 @@ def _fitting(key: str, reply: Any) -> str:
     return ""
 
 
-def _checked(given: Any, layout: Action) -> Array:
+def _checked(given: Any, key: str, size: int) -> Array:
     """(H, size) float64, finite."""
     if not isinstance(given, np.ndarray):
-        raise PolicyError("bad_reply", f"{layout.key!r} is {with_article(type(given).__name__)}, not an array")
+        raise PolicyError("bad_reply", f"{key!r} is {with_article(type(given).__name__)}, not an array")
     if given.dtype.kind not in "fiu":
         raise PolicyError("bad_reply", f"actions of dtype {given.dtype}, not numbers")
     shape = given.shape
     while given.ndim > 2 and given.shape[0] == 1:  # a batch of one
         given = given[0]
     given = given[None] if given.ndim == 1 else given
-    if given.ndim != 2 or given.shape[1] != layout.size or not 1 <= len(given) <= MOST_ACTIONS:
-        raise PolicyError("bad_reply", f"actions of shape {shape}, not (H, {layout.size}), 1 <= H <= {MOST_ACTIONS}")
+    if given.ndim != 2 or given.shape[1] != size or not 1 <= len(given) <= MOST_ACTIONS:
+        raise PolicyError("bad_reply", f"actions of shape {shape}, not (H, {size}), 1 <= H <= {MOST_ACTIONS}")
     if not np.isfinite(given).all():
         raise PolicyError("bad_reply", "actions that are not finite")
     return np.array(given, float)  # a copy: what was received is read-only

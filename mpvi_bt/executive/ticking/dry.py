@@ -20,7 +20,7 @@ from mpvi_bt.executive.tree.substitute import Rules, stand_ins
 from mpvi_bt.ground.errors import NotInDryRun
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import StepClock
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CameraImage, Proprioception
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 
 LIMIT_S = 3600.0  # Our choice: simulated time that a tree alone may take
 
@@ -114,11 +114,11 @@ class EmptyWorld(StepClock):
 class AbsentRobot:
     """No robot: it can be told to hold still, and nothing else."""
 
-    _action = np.zeros(ACTION_SIZE)
+    _action = np.zeros(0)
 
     @property
     def action(self) -> Array:
-        """(23,) zeros."""
+        """No number: there is nothing to command."""
         return self._action
 
     def hold(self) -> None:

@@ -34,7 +34,7 @@ from mpvi_bt.ground.geometry.kinematics import rot_z
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Progress, Report
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Robot, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Robot
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.squeeze import squeezes
 
@@ -355,5 +355,5 @@ class Driver:
 
     def _write_base(self, velocity: Array) -> None:
         action = self._robot.action.copy()
-        action[StaticLayout.BASE] = velocity
+        self._model.layout.set_velocity(action, velocity)
         self._robot.act(action)

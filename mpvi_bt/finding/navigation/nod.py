@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Robot, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Robot
 from mpvi_bt.ground.robot.robots import robot_named
 
 
@@ -19,7 +19,7 @@ from mpvi_bt.ground.robot.robots import robot_named
 class Nod:
     """How a part of the trunk moves for a look.
 
-    Our choice: a little slower than the r1's trunk can.
+    Our choice: a little slower than our robots' trunks can.
 
     Attributes:
         part: Index of the joint in the trunk's posture.
@@ -70,16 +70,17 @@ def crane(robot: Robot, lift_m: float) -> Iterator[None]:
 
 def _move(robot: Robot, how: Nod, to: float) -> Iterator[None]:
     """Change one part of the trunk's posture."""
-    trunk = robot_named(robot.proprioception().robot).trunk
+    model = robot_named(robot.proprioception().robot)
+    trunk, torso = model.trunk, model.layout.torso
     for _ in range(round(how.most_s * CONTROL_HZ)):
         if abs(float(trunk.posture(robot.proprioception().torso)[how.part]) - to) < how.near:
             return
         robot.hold()
         action = robot.action.copy()
-        told = action[StaticLayout.TORSO]
+        told = action[torso]
         posture = trunk.posture(told)
         step = how.rate / CONTROL_HZ
         posture[how.part] += float(np.clip(to - posture[how.part], -step, step))
-        action[StaticLayout.TORSO] = trunk.joints(posture, near=told)
+        action[torso] = trunk.joints(posture, near=told)
         robot.act(action)
         yield

@@ -40,6 +40,23 @@ class ActionLayout:
         every = np.arange(self.size)
         return np.concatenate([every[self.torso], *(every[arm] for arm in self.arm.values())])
 
+    @property
+    def arm_joints(self) -> Array:
+        """(J,) indices of the joint targets of all arms."""
+        every = np.arange(self.size)
+        return np.concatenate([every[:0], *(every[arm] for arm in self.arm.values())])
+
+    def part(self, index: int) -> str:
+        """What a number of the action is, for a person, such as "torso joint 2" or "right gripper"."""
+        if index in self.base:
+            return f"base {('forward', 'sideways', 'turn')[self.base.index(index)]}"
+        parts = [("torso", self.torso), *((f"{side} arm", arm) for side, arm in self.arm.items())]
+        for name, where in parts:
+            numbers = range(self.size)[where]
+            if index in numbers:
+                return f"{name} joint {numbers.index(index) + 1}"
+        return next((f"{side} gripper" for side, at in self.gripper.items() if at == index), self.names[index])
+
     def velocity(self, action: Array) -> Array:
         """(..., 3) vx, vy [m/s] and yaw rate [rad/s] of actions (..., A); 0 of what the base lacks. A copy."""
         out = np.zeros((*action.shape[:-1], 3))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
 from typing import Literal, get_args
@@ -22,21 +22,15 @@ import numpy as np
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.limits import largest_step
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, StaticLayout
-from mpvi_bt.ground.robot.trunk import LiftTrunk
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.ground.robot.robots import layout_of
 
 ActionKind = Literal["absolute", "delta", "velocity"]
 KINDS: tuple[ActionKind, ...] = get_args(ActionKind)
 LEAST_HZ, MOST_HZ = 1.0, 1000.0  # Our choice: no policy acts once in more than a second, none is asked for more
-_PARTS: Mapping[str, slice] = {
-    "torso": StaticLayout.TORSO,
-    **{f"{side} arm": arm for side, arm in StaticLayout.ARM.items()},
-}
-_NAMES = {i: f"{part} joint {i - where.start + 1}" for part, where in _PARTS.items() for i in range(ACTION_SIZE)[where]}
-_JOINTS = np.array(list(_NAMES))
-_GRIPPERS = list(StaticLayout.GRIPPER.values())
 
 
 def check_rate(given: float) -> float:
@@ -49,32 +43,37 @@ def check_rate(given: float) -> float:
 class Resampler:
     """Rows of one rate at another, without drift: of a row that ends within a step the rest waits for the next rows.
 
+    Args:
+        layout: Of the rows.
+
     Attributes:
         at: Of each step of the last answer, which of the rows then at hand was in force at its end.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, layout: ActionLayout) -> None:
+        self._layout = layout
+        self._joints, self._grippers = layout.joints, list(layout.gripper.values())
         self.reset()
 
     def reset(self) -> None:
         """Forget what is left."""
-        self._rows = np.empty((0, ACTION_SIZE))
+        self._rows = np.empty((0, self._layout.size))
         self._spent = Fraction(0)  # of the first of these
         self.at: list[int] = []
 
     @property
     def last(self) -> Array | None:
-        """(23,) the last row that is not wholly carried out; None if there is none."""
+        """(A,) the last row that is not wholly carried out; None if there is none."""
         return self._rows[-1] if len(self._rows) else None
 
     def resampled(self, rows: Array, rate_hz: float, to_hz: float, before: Array, whole: bool = True) -> Array:
-        """(K, 23) all steps that end within the rows so far; there may be none.
+        """(K, A) all steps that end within the rows so far; there may be none.
 
         Args:
-            rows: (H, 23) the next ones, joints absolute.
+            rows: (H, A) the next ones, joints absolute.
             rate_hz: Of the rows.
             to_hz: Of the steps.
-            before: (23,) the command in force when the first step begins.
+            before: (A,) the command in force when the first step begins.
             whole: Whether a step that goes on beyond the rows waits for more; else the robot stands in the rest of it.
         """
         step = _exact(rate_hz) / _exact(to_hz)  # in rows
@@ -83,18 +82,19 @@ class Resampler:
         edges = [self._spent + i * step for i in range(math.floor(count) + 1)]
         if not whole and count > len(edges) - 1:
             edges.append(Fraction(len(self._rows)))
-        steps = np.empty((len(edges) - 1, ACTION_SIZE))
-        told = before[_GRIPPERS]
+        steps = np.empty((len(edges) - 1, self._layout.size))
+        joints, grippers, layout = self._joints, self._grippers, self._layout
+        told = before[grippers]
         for k, (begin, end) in enumerate(pairwise(edges)):
             first, last = math.floor(begin), math.ceil(end) - 1
             self.at.append(last)
             steps[k] = self._rows[last]
             if last > first or end - begin < step:
-                steps[k, StaticLayout.BASE] = self._twist(begin, end, step, 1 / to_hz)
-            steps[k, _JOINTS] = self._targets(end, last, before)[_JOINTS]
-            commands = self._rows[first : last + 1, _GRIPPERS]
+                layout.set_velocity(steps[k], self._twist(begin, end, step, 1 / to_hz))
+            steps[k, joints] = self._targets(end, last, before)[joints]
+            commands = self._rows[first : last + 1, grippers]
             farthest = np.abs(commands - told).argmax(0)
-            told = steps[k, _GRIPPERS] = commands[farthest, range(len(_GRIPPERS))]
+            told = steps[k, grippers] = commands[farthest, range(len(grippers))]
         done = math.floor(edges[-1])
         self._rows, self._spent = self._rows[done:], edges[-1] - done
         return steps
@@ -104,10 +104,10 @@ class Resampler:
         parts = range(math.floor(begin), math.ceil(end))
         cuts = [begin, *map(Fraction, parts[1:]), end]
         seconds = [float((until - since) / step) * step_s for since, until in pairwise(cuts)]
-        return composed(self._rows[parts.start : parts.stop, StaticLayout.BASE], seconds, step_s)
+        return composed(self._layout.velocity(self._rows[parts.start : parts.stop]), seconds, step_s)
 
     def _targets(self, at: Fraction, row: int, before: Array) -> Array:
-        """(23,) on the straight line to a row from the one before."""
+        """(A,) on the straight line to a row from the one before."""
         begin, start = (Fraction(row), self._rows[row - 1]) if row else (self._spent, before)
         share = float((at - begin) / (row + 1 - begin))
         return self._rows[row] if share == 1.0 else start + share * (self._rows[row] - start)
@@ -136,15 +136,15 @@ def composed(twists: Array, seconds: Sequence[float], total_s: float) -> Array:
     return np.array([straight.real, straight.imag, yaw]) / total_s
 
 
-def as_absolute(rows: Array, kind: ActionKind, rate_hz: float, before: Array, robot: RobotModel) -> Array:
-    """(H, 23) rows whose joints are targets, of rows of a kind. Bases and grippers are the same in all kinds.
+def as_absolute(rows: Array, kind: ActionKind, rate_hz: float, before: Array, robot: RobotDescription) -> Array:
+    """(H, A) rows whose joints are targets, of rows of a kind. Bases and grippers are the same in all kinds.
 
     Args:
-        rows: (H, 23). Of "delta" they are how far the joints' targets go in a row [rad or m], of "velocity" how fast
+        rows: (H, A). Of "delta" they are how far the joints' targets go in a row [rad or m], of "velocity" how fast
             [rad/s or m/s].
         kind: Of the rows.
         rate_hz: Of the rows.
-        before: (23,) the command that the first row begins at.
+        before: (A,) the command that the first row begins at.
         robot: Whose.
 
     Raises:
@@ -152,40 +152,43 @@ def as_absolute(rows: Array, kind: ActionKind, rate_hz: float, before: Array, ro
     """
     if kind == "absolute":
         return rows
-    by = rows[:, _JOINTS]
-    most = largest_step(robot)[_JOINTS] * CONTROL_HZ * (1.0 if kind == "velocity" else 1.0 / rate_hz)
+    joints = robot.layout.joints
+    by = rows[:, joints]
+    most = largest_step(robot)[joints] * CONTROL_HZ * (1.0 if kind == "velocity" else 1.0 / rate_hz)
     over = np.abs(by) - most * (1 + 1e-9)
     if (over > 0).any():
         row, joint = np.unravel_index(int(over.argmax()), over.shape)
-        unit = "m" if _JOINTS[joint] == StaticLayout.TORSO.start and isinstance(robot.trunk, LiftTrunk) else "rad"
+        number = int(joints[joint])
+        unit = "m" if number in robot.linear_joints else "rad"
         unit += "/s" if kind == "velocity" else f" in a row of {1 / rate_hz:.3g} s"
         raise PolicyError(
             "bad_reply",
-            f"actions: {kind}: {_NAMES[int(_JOINTS[joint])]} is to move by {by[row, joint]:.3g} {unit}; the "
+            f"actions: {kind}: {robot.layout.part(number)} is to move by {by[row, joint]:.3g} {unit}; the "
             f"{robot.name} takes {most[joint]:.3g} at most. Are joints absolute, or is the rate not {rate_hz:g} Hz?",
         )
     targets = rows.copy()
-    targets[:, _JOINTS] = before[_JOINTS] + np.cumsum(by * (1.0 / rate_hz if kind == "velocity" else 1.0), axis=0)
+    targets[:, joints] = before[joints] + np.cumsum(by * (1.0 / rate_hz if kind == "velocity" else 1.0), axis=0)
     return targets
 
 
-def of_kind(rows: Array, kind: ActionKind, rate_hz: float, before: Array) -> Array:
-    """(H, 23) rows of a kind, of rows whose joints are targets: the inverse of `as_absolute`."""
+def of_kind(rows: Array, kind: ActionKind, rate_hz: float, before: Array, layout: ActionLayout) -> Array:
+    """(H, A) rows of a kind, of rows whose joints are targets: the inverse of `as_absolute`."""
     if kind == "absolute":
         return rows
-    changed = rows.copy()
-    changed[:, _JOINTS] = np.diff(rows[:, _JOINTS], axis=0, prepend=before[None, _JOINTS])
-    changed[:, _JOINTS] *= rate_hz if kind == "velocity" else 1.0
+    changed, joints = rows.copy(), layout.joints
+    changed[:, joints] = np.diff(rows[:, joints], axis=0, prepend=before[None, joints])
+    changed[:, joints] *= rate_hz if kind == "velocity" else 1.0
     return changed
 
 
 def command_of(body: Proprioception) -> Array:
-    """(23,) the command in force, the base at rest: joint targets where the robot tells them, else its joints."""
-    action = np.zeros(ACTION_SIZE)
-    action[StaticLayout.TORSO] = body.torso
+    """(A,) the command in force, the base at rest: joint targets where the robot tells them, else its joints."""
+    layout = layout_of(body)
+    action = np.zeros(layout.size)
+    action[layout.torso] = body.torso
     for side in body.sides:
-        action[StaticLayout.ARM[side]] = body.arm_command.get(side, body.arm[side])
-        action[StaticLayout.GRIPPER[side]] = body.gripper_command[side]
+        action[layout.arm[side]] = body.arm_command.get(side, body.arm[side])
+        action[layout.gripper[side]] = body.gripper_command[side]
     return action
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from mpvi_bt.ground.errors import BackendError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 # Our choice: targets may run ahead of the joints, as those of learned policies do, so that a step may be three times
 # what a joint does at its top speed; the base ramps its speed up by itself, and a gripper may be told to shut at once.
@@ -18,62 +18,67 @@ BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk
 
 
 @cache
-def largest_step(robot: RobotModel) -> Array:
-    """(23,) how far targets of two steps in a row may be apart; infinite for base and grippers."""
-    step = np.full(ACTION_SIZE, np.inf)
-    step[StaticLayout.TORSO] = _AHEAD / CONTROL_HZ * robot.top_speed[:4]
-    for arm in StaticLayout.ARM.values():
-        step[arm] = _AHEAD / CONTROL_HZ * robot.top_speed[4:]
+def largest_step(robot: RobotDescription) -> Array:
+    """(A,) how far targets of two steps in a row may be apart; infinite for base and grippers."""
+    layout = robot.layout
+    step = np.full(layout.size, np.inf)
+    step[layout.torso] = _AHEAD / CONTROL_HZ * robot.torso_top_speed
+    for side, arm in layout.arm.items():
+        step[arm] = _AHEAD / CONTROL_HZ * robot.arm_top_speed[side]
     return step
 
 
 @cache
-def extremes(robot: RobotModel) -> tuple[Array, Array]:
-    """(23,) the lowest and (23,) the highest of each number of a robot's action: 0 of what it does not have."""
-    lowest, highest = np.zeros(ACTION_SIZE), np.zeros(ACTION_SIZE)
-    lowest[StaticLayout.BASE], highest[StaticLayout.BASE] = -robot.base_speed, robot.base_speed
-    lowest[StaticLayout.TORSO], highest[StaticLayout.TORSO] = robot.torso_limits.T
-    for side, arm in robot.arms.items():
-        lowest[StaticLayout.ARM[side]], highest[StaticLayout.ARM[side]] = arm.limits.T
-        lowest[StaticLayout.GRIPPER[side]], highest[StaticLayout.GRIPPER[side]] = -1.0, 1.0
+def extremes(robot: RobotDescription) -> tuple[Array, Array]:
+    """(A,) the lowest and (A,) the highest of each number of a robot's action: 0 of what it does not have."""
+    layout = robot.layout
+    lowest, highest = np.zeros(layout.size), np.zeros(layout.size)
+    layout.set_velocity(lowest, -robot.base_speed)
+    layout.set_velocity(highest, robot.base_speed)
+    lowest[layout.torso], highest[layout.torso] = robot.torso_limits.T
+    for side, arm in layout.arm.items():
+        lowest[arm], highest[arm] = robot.arm_limits[side].T
+    for gripper in layout.gripper.values():
+        lowest[gripper], highest[gripper] = -1.0, 1.0
     return lowest, highest
 
 
-def within_limits(robot: RobotModel, action: Array) -> Array:
-    """(23,) the nearest action within speeds, joint limits and -1 .. 1 of the grippers."""
+def within_limits(robot: RobotDescription, action: Array) -> Array:
+    """(A,) the nearest action within speeds, joint limits and -1 .. 1 of the grippers."""
     return np.clip(action, *extremes(robot))
 
 
-def within_reach_of(robot: RobotModel, last: Array, action: Array) -> Array:
-    """(23,) the nearest action within all limits whose targets are no farther from those of `last` than a step goes.
+def within_reach_of(robot: RobotDescription, last: Array, action: Array) -> Array:
+    """(A,) the nearest action within all limits whose targets are no farther from those of `last` than a step goes.
 
     Args:
         robot: Whose limits.
-        last: (23,) the command before.
-        action: (23,) finite; what is asked for. One within the limits comes back bit by bit.
+        last: (A,) the command before.
+        action: (A,) finite; what is asked for. One within the limits comes back bit by bit.
     """
     return np.clip(within_limits(robot, action), last - largest_step(robot), last + largest_step(robot))
 
 
-def commanded(robot: RobotModel, action: Array) -> Array:
-    """(23,) the action, clipped to the robot's limits.
+def commanded(robot: RobotDescription, action: Array) -> Array:
+    """(A,) the action, clipped to the robot's limits.
 
     Raises:
-        BackendError: The action is not 23 finite numbers.
+        BackendError: The action is not as many finite numbers as its layout has.
     """
     action = np.asarray(action, float)
-    if action.shape != (ACTION_SIZE,):
-        raise BackendError(f"an action of shape {action.shape} was given; it has to be ({ACTION_SIZE},)")
+    if action.shape != (size := robot.layout.size,):
+        raise BackendError(f"an action of shape {action.shape} was given; it has to be ({size},)")
     if not np.isfinite(action).all():
         raise BackendError(f"an action that is not finite was given: {action.tolist()}")
     return within_limits(robot, action)
 
 
-def travel_action(robot: RobotModel) -> Array:
-    """(23,) the command for standing in the travel posture, hands open."""
-    action = np.zeros(ACTION_SIZE)
-    action[StaticLayout.TORSO] = robot.travel_torso
-    for s in robot.sides:
-        action[StaticLayout.ARM[s]] = robot.travel_arm[s]
-        action[StaticLayout.GRIPPER[s]] = 1.0
+def travel_action(robot: RobotDescription) -> Array:
+    """(A,) the command for standing in the travel posture, hands open."""
+    layout = robot.layout
+    action = np.zeros(layout.size)
+    action[layout.torso] = robot.travel_torso
+    for side, arm in layout.arm.items():
+        action[arm] = robot.travel_arm[side]
+    action[list(layout.gripper.values())] = 1.0
     return action

@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry.rotations import angle, between, matrices, quaterni
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 from mpvi_bt.ground.robot.collision import Body
 from mpvi_bt.ground.robot.drives import in_base_frame, legs
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, Side
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.squeeze import squeezes
 from mpvi_bt.ground.robot.timing import schedule, timed
@@ -82,27 +82,29 @@ class Motion:
 
     Attributes:
         felt: What the robot feels at this step; the player keeps it fresh.
-        action: (23,) the command that the last yielded action carried.
+        action: (A,) the command that the last yielded action carried.
         robot: What robot it is.
+        layout: Of its actions.
         bumps: In the world, for what held the base up since it began: no camera may ever have shown that.
     """
 
     def __init__(self, felt: Proprioception) -> None:
         """Start from a robot as it stands."""
         self.felt, self.robot, self.bumps = felt, robot_named(felt.robot), list[Solid]()
-        self.action = np.zeros(ACTION_SIZE)
-        self.action[StaticLayout.TORSO] = felt.torso
+        self.layout = self.robot.layout
+        self.action = np.zeros(self.layout.size)
+        self.action[self.layout.torso] = felt.torso
         for s in felt.sides:
             told = felt.arm_command.get(s, felt.arm[s])
             # An arm that presses against something goes on pressing: two hands hold a box by nothing else.
             pressing = np.abs(told - felt.arm[s]).max() < _PRESSING_RAD
-            self.action[StaticLayout.ARM[s]] = told if pressing else felt.arm[s]
-            self.action[StaticLayout.GRIPPER[s]] = felt.gripper_command[s]
+            self.action[self.layout.arm[s]] = told if pressing else felt.arm[s]
+            self.action[self.layout.gripper[s]] = felt.gripper_command[s]
 
     @property
     def torso(self) -> Array:
         """(4,) commanded torso."""
-        return self.action[StaticLayout.TORSO].copy()
+        return self.action[self.layout.torso].copy()
 
     @property
     def posture(self) -> Array:
@@ -119,7 +121,7 @@ class Motion:
 
     def arm(self, side: Side) -> Array:
         """(7,) commanded posture of an arm."""
-        return self.action[StaticLayout.ARM[side]].copy()
+        return self.action[self.layout.arm[side]].copy()
 
     def hand(self, side: Side) -> Array:
         """T_base_tcp (4, 4) as commanded."""
@@ -136,7 +138,7 @@ class Motion:
 
     def grip(self, side: Side, value: float, seconds: float = 0.6) -> Actions:
         """Move a gripper to `value` (-1 closed ... 1 open) at an even pace: fast fingers bat light things away."""
-        i = StaticLayout.GRIPPER[side]
+        i = self.layout.gripper[side]
         start, n = self.action[i], max(1, round(seconds * CONTROL_HZ))
         for k in range(1, n + 1):
             self.action[i] = start + (value - start) * k / n
@@ -154,7 +156,7 @@ class Motion:
         watch = _Watch(self, [side])
         acceleration = self._acceleration(side) if gently else self.robot.arm_acceleration
         for q in timed(path, np.minimum(self.robot.arm_speed, speed), acceleration):
-            self.action[StaticLayout.ARM[side]] = q
+            self.action[self.layout.arm[side]] = q
             yield self.still()
             yield from watch.look()
         for _ in range(20):
@@ -204,15 +206,15 @@ class Motion:
                 i = min(int(place), n - 1)
                 near = postures[i] + (postures[i + 1] - postures[i]) * (place - i)
                 # From where the torso really is: under a load it gives way.
-                self.action[StaticLayout.ARM[side]] = self._reached(side, pose(float(place) / n), near[:7])
+                self.action[self.layout.arm[side]] = self._reached(side, pose(float(place) / n), near[:7])
                 yield self.still()
                 if watch.touched():
-                    self.action[StaticLayout.ARM[side]] = self.felt.arm[side]
+                    self.action[self.layout.arm[side]] = self.felt.arm[side]
                     yield self.still()
                     return True
                 yield from watch.look()
         for _ in range(4):
-            self.action[StaticLayout.ARM[side]] = self._reached(side, T_base_tcp, self.arm(side))
+            self.action[self.layout.arm[side]] = self._reached(side, T_base_tcp, self.arm(side))
             yield self.still()
             yield from watch.look()
         return watch.touched()
@@ -241,9 +243,9 @@ class Motion:
         watch = _Watch(self, list(arms), give_rad, torso=True)
         rows = timed(np.concatenate(columns, 1), np.concatenate(speeds), np.concatenate(accelerations))
         for row in rows:
-            self.action[StaticLayout.TORSO] = row[:4]
+            self.action[self.layout.torso] = row[:4]
             for i, side in enumerate(arms):
-                self.action[StaticLayout.ARM[side]] = row[4 + 7 * i : 11 + 7 * i]
+                self.action[self.layout.arm[side]] = row[4 + 7 * i : 11 + 7 * i]
             yield self.still()
             yield from watch.look()
         if len(rows):
@@ -332,12 +334,12 @@ class Motion:
 
     def still(self) -> Array:
         """The present command, the base standing."""
-        self.action[StaticLayout.BASE] = 0.0
+        self.layout.set_velocity(self.action, 0.0)
         return self.action.copy()
 
     def _moving(self, velocity_world: Array) -> Array:
         yaw = float(self.felt.base_pose[2])
-        self.action[StaticLayout.BASE] = in_base_frame(self.robot, velocity_world, yaw)
+        self.layout.set_velocity(self.action, in_base_frame(self.robot, velocity_world, yaw))
         return self.action.copy()
 
 
@@ -370,10 +372,10 @@ class _Watch:
         motion = self._motion
         for _ in range(_RELEASED):  # at once it would spring back, and fling what is held
             for side in self._sides:
-                arm = StaticLayout.ARM[side]
+                arm = motion.layout.arm[side]
                 motion.action[arm] += 0.3 * (motion.felt.arm[side] - self._off[side] - motion.action[arm])
             if self._torso:
-                torso = StaticLayout.TORSO
+                torso = motion.layout.torso
                 motion.action[torso] += 0.3 * (motion.felt.torso - self._off["torso"] - motion.action[torso])
             yield motion.still()
         raise MotionFailure(reasons[0])

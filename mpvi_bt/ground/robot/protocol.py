@@ -15,30 +15,13 @@ from mpvi_bt.ground.geometry.solids import Array
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
-ACTION_SIZE = 23
+DEFAULT_ROBOT = "r1"  # by name, where none is chosen
 EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
 
 
 def other(side: Side) -> Side:
     """The other hand."""
     return "left" if side == "right" else "right"
-
-
-class StaticLayout:
-    """Slices of the 23-number action, in BEHAVIOR's order. What a robot does not have is 0 in it.
-
-    Attributes:
-        BASE: vx, vy [m/s] and yaw rate [rad/s] in the base frame.
-        TORSO: Absolute targets of the torso's joints: of the r1 and the fetch lift [m], waist yaw, waist pitch, head
-            tilt [rad]; of the r1pro torso_joint1 to 4 [rad].
-        ARM: Seven joint targets [rad] of each arm.
-        GRIPPER: -1 closed ... 1 fully open.
-    """
-
-    BASE = slice(0, 3)
-    TORSO = slice(3, 7)
-    ARM: Mapping[Side, slice] = {"left": slice(7, 14), "right": slice(15, 22)}
-    GRIPPER: Mapping[Side, int] = {"left": 14, "right": 22}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +31,14 @@ class Proprioception:
     Attributes:
         base_pose: (3,) x, y [m] and yaw [rad, -pi..pi] in the world (Paper, Navigation: localization is assumed).
         base_velocity: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
-        torso: (4,) its joints, as in `StaticLayout`.
-        arm: (7,) joint angles [rad] of each arm; a robot with one has it on the "right".
-        arm_velocity: (7,) [rad/s] of each arm.
+        torso: (T,) its joints, torso and head, in the order of its layout [m or rad].
+        arm: (n,) joint angles [rad] of each arm; a robot with one has it on the "right".
+        arm_velocity: (n,) [rad/s] of each arm.
         gripper_width: Opening between the fingers [m], 0 to `open_m`, of each hand.
         gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
-        arm_command: (7,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
+        arm_command: (n,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
             arms press against keeps them from getting there.
-        torso_velocity: (4,) of the torso's joints [m/s or rad/s]; 0 where it is not felt.
+        torso_velocity: (T,) of the torso's joints [m/s or rad/s]; 0 where it is not felt.
         gripper_velocity: How fast each hand opens [m/s]; empty where it is not felt.
         robot: What robot it is, by name.
         open_m: Between the fingers of a hand that is fully open.
@@ -69,10 +52,15 @@ class Proprioception:
     gripper_width: Mapping[Side, float]
     gripper_command: Mapping[Side, float]
     arm_command: Mapping[Side, Array] = field(default_factory=dict)
-    torso_velocity: Array = field(default_factory=lambda: np.zeros(4))
+    torso_velocity: Array = field(default_factory=lambda: np.zeros(0))
     gripper_velocity: Mapping[Side, float] = field(default_factory=dict)
-    robot: str = "r1"
+    robot: str = DEFAULT_ROBOT
     open_m: float = 0.10
+
+    def __post_init__(self) -> None:
+        """A torso whose velocity is not told stands still."""
+        if self.torso_velocity.shape != self.torso.shape:
+            object.__setattr__(self, "torso_velocity", np.zeros(self.torso.shape))
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -95,7 +83,7 @@ class CameraImage:
     """One picture.
 
     Attributes:
-        camera: "head", "left" or "right" (the wrists).
+        camera: Its name, such as "head", or the side of a wrist.
         rgb: (H, W, 3) uint8.
         depth: (H, W) float32 [m] along the optical axis, 0 = nothing seen.
         labels: (H, W) int32 ids of what each pixel shows, or None where there is no labeler (a real camera).
@@ -126,11 +114,11 @@ class Robot(Protocol):
 
     @property
     def action(self) -> Array:
-        """(23,) the command that the next step will carry out."""
+        """(A,) the command that the next step will carry out."""
         ...
 
     def act(self, action: Array) -> None:
-        """Set the command of the next step. Raises BackendError unless it is (23,) and finite."""
+        """Set the command of the next step. Raises BackendError unless it is (A,) and finite."""
         ...
 
     def hold(self) -> None:

@@ -129,6 +129,10 @@ class RobotDescription(Protocol):
         """Radius of an arm from above [m]."""
         ...
 
+    def __hash__(self) -> int:
+        """By identity: what follows from a robot is kept by it."""
+        ...
+
     def urdf(self) -> str:
         """Its links and joints as the text of a URDF."""
         ...

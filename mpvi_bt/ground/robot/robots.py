@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,11 @@ def robot_named(name: str) -> RobotModel:
     if name not in ROBOTS:
         raise UnknownName("robot", name, ROBOTS)
     return ROBOTS[name]
+
+
+def layout_of(body: Proprioception) -> ActionLayout:
+    """The layout of the actions of the robot that feels this. Raises UnknownName if there is no such robot."""
+    return robot_named(body.robot).layout
 
 
 def sides_of(name: str) -> tuple[Side, ...]:

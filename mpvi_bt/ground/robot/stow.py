@@ -14,7 +14,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.ground.robot.protocol import Robot, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Robot, Side
 from mpvi_bt.ground.robot.squeeze import squeezes
 
 # All our choice.
@@ -128,7 +128,7 @@ def _draw_back(motion: Motion, by_m: float, turns: Sequence[float] = (0.0,)) -> 
 
 def _let_go(motion: Motion, side: Side) -> Actions:
     """Open a hand and have the base draw it straight back, as far as it can, off what its fingers stood around."""
-    motion.action[StaticLayout.ARM[side]] = motion.felt.arm[side]  # it pulls no more
+    motion.action[motion.layout.arm[side]] = motion.felt.arm[side]  # it pulls no more
     yield from motion.grip(side, 1.0, _CLOSING_S)
     x, y, yaw = motion.felt.base_pose
     away = -matmul(rot_z(yaw), motion.hand(side)[:3, 2])[:2]

@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, Proprioception, Robot, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Proprioception, Robot, Side
 from mpvi_bt.hands.learned import mirroring
 from mpvi_bt.hands.learned.learned_motions import LearnedMotion
 from mpvi_bt.hands.learned.points import PointMemory
@@ -21,7 +21,8 @@ HEAD_TILTS_RAD = (0.85, 1.15, 0.2)  # tried one after the other where the target
 TILT_STEPS = 14  # that a tilt takes
 SAMPLE = 128  # points
 _SIZES: dict[str, tuple[int, ...]] = {
-    "base": (3,), "velocity": (3,), "torso": (4,), "arm": (7,), "width": (), "action": (ACTION_SIZE,), "look": (),
+    "base": (3,), "velocity": (3,), "torso": (4,), "arm": (7,), "width": (), "look": (),
+    "action": (mirroring.LAYOUT.size,),
 }  # fmt: skip
 
 
@@ -32,10 +33,10 @@ class Demonstration:
     Attributes:
         base: (n, 3) believed base pose x, y [m], yaw [rad].
         velocity: (n, 3) of the base in its frame [m/s, rad/s].
-        torso: (n, 4) joints, as in `StaticLayout`.
+        torso: (n, 4) joints, as in its layout.
         arm: (n, 7) joints [rad].
         width: (n,) between the fingers [m].
-        action: (n, 23) commanded.
+        action: (n, A) commanded.
         points: (m, 128, 3) samples of points in the world [m], of the target and of what is around it.
         look: (n,) the sample that was newest at each step; -1: it had not been seen.
     """
@@ -111,7 +112,7 @@ def record(
             if memory.seen:
                 rows["points"].append(memory.sample())
         action = policy.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0]
-        sees = motion.sees(float(action[StaticLayout.GRIPPER[side]]))
+        sees = motion.sees(float(action[mirroring.LAYOUT.gripper[side]]))
         for name, value in _felt(felt, side).items():
             rows[name].append(value)
         rows["action"].append(action)
@@ -129,7 +130,7 @@ def find(robot: Robot, step: Callable[[Array], None], memory: PointMemory, side:
         if memory.seen:
             return True
         action = robot.action
-        action[StaticLayout.TORSO.stop - 1] = tilt
+        action[mirroring.LAYOUT.torso.stop - 1] = tilt
         for _ in range(TILT_STEPS):
             step(action)
         memory.look(robot.look("head"), robot.look(side))

@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.robots.r1 import R1, mirrored
 
 BODY = R1
+LAYOUT = R1.layout
 SIDE: Side = "right"
 _BASE = np.array([1.0, -1.0, -1.0])  # x, y, yaw, or their rates
 _POINT = np.array([1.0, -1.0, 1.0])
@@ -39,11 +40,11 @@ def points(points: Array) -> Array:
 
 
 def action(action: Array) -> Array:
-    """(..., 23) actions: what is told to one arm and hand is told to the other."""
+    """(..., A) actions: what is told to one arm and hand is told to the other."""
     out = np.array(action, float)
-    out[..., StaticLayout.BASE] = base(action[..., StaticLayout.BASE])
-    out[..., StaticLayout.TORSO] = torso(action[..., StaticLayout.TORSO])
+    LAYOUT.set_velocity(out, base(LAYOUT.velocity(action)))
+    out[..., LAYOUT.torso] = torso(action[..., LAYOUT.torso])
     for side, other in zip(SIDES, reversed(SIDES), strict=True):
-        out[..., StaticLayout.ARM[side]] = arm(action[..., StaticLayout.ARM[other]])
-        out[..., StaticLayout.GRIPPER[side]] = action[..., StaticLayout.GRIPPER[other]]
+        out[..., LAYOUT.arm[side]] = arm(action[..., LAYOUT.arm[other]])
+        out[..., LAYOUT.gripper[side]] = action[..., LAYOUT.gripper[other]]
     return out

@@ -17,8 +17,8 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import NO_SKILL
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, SIDES, CameraImage, Proprioception, Side, StaticLayout
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 from mpvi_bt.hands.learned.acting import CHUNK, ahead, chunk, propose, rebased, there
 from mpvi_bt.hands.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
 from mpvi_bt.hands.learned.learned_hand import LearnedHand
@@ -92,7 +92,7 @@ class LearnedPolicy:
         self.note, self.ended, self.gave_up, self.progress, self.attempts = "", False, False, 0.0, 0
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (h, 23).
+        """The next actions, (h, A).
 
         Raises:
             DetectorError: The detector failed.
@@ -109,7 +109,7 @@ class LearnedPolicy:
             self.ended, self.gave_up, self._wanted = True, True, ()
             if self._told is None:
                 self._told = LearnedHand(SIDES[1], self._felt).still(1)[-1]
-            self._told[StaticLayout.BASE] = 0.0
+            layout_of(self._felt).set_velocity(self._told, 0.0)
             actions = self._told[None].copy()
         self._told = actions[-1].copy()
         return actions
@@ -157,7 +157,7 @@ class LearnedPolicy:
         body = LearnedHand(SIDES[1], self._felt)
         for tilt in HEAD_TILTS_RAD:
             rows = body.still(TILT_STEPS)
-            rows[:, StaticLayout.TORSO.stop - 1] = tilt
+            rows[:, body.layout.torso.stop - 1] = tilt
             body.action = rows[-1].copy()
             yield rows
             if self._looked(memory, motion):

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import StaticLayout
 from mpvi_bt.hands.learned.demonstration import Demonstration
 from mpvi_bt.hands.learned.features import Moments
 from mpvi_bt.hands.learned.learned_motions import MOTIONS
+from mpvi_bt.hands.learned.mirroring import LAYOUT, SIDE
 
 SHUT = -0.95  # a command below this is a closed hand
 _STILL_RAD, _STILL_M_S, _FELT_M_S = 1e-4, 1e-3, 0.02  # less is a pause, in which a scripted demonstrator plans
@@ -69,7 +69,7 @@ def read_frames(folder: Path, skill: str, tell: Callable[[str], None] = lambda l
             tell(f"{path}: left out: {str(error).removeprefix(f'{path}: ')}")
             continue
         kept = _moving(shown)
-        now, grip = _moments(shown, kept), shown.action[kept, StaticLayout.GRIPPER["right"]]
+        now, grip = _moments(shown, kept), shown.action[kept, LAYOUT.gripper[SIDE]]
         events = _events(grip, MOTIONS[skill].opens)
         if not len(events) or not len(shown.points):
             tell(f"{path}: left out, as the hand does nothing in it, or sees nothing")
@@ -114,8 +114,8 @@ def _moments(shown: Demonstration, kept: NDArray[np.intp]) -> Moments:
     told = shown.action[np.concatenate([kept[:1], kept[:-1]])]  # in force when a frame is seen
     felt = (shown.base, shown.torso, shown.arm, shown.width, shown.velocity)
     base, torso, arm, width, velocity = (column[kept].astype(float) for column in felt)
-    right = StaticLayout.ARM["right"], StaticLayout.GRIPPER["right"]
-    return Moments(base, torso, arm, width, velocity, told[:, StaticLayout.TORSO], told[:, right[0]], told[:, right[1]])
+    told_torso, told_arm, grip = (told[:, at] for at in (LAYOUT.torso, LAYOUT.arm[SIDE], LAYOUT.gripper[SIDE]))
+    return Moments(base, torso, arm, width, velocity, told_torso, told_arm, grip)
 
 
 def _events(grip: Array, opening: bool) -> NDArray[np.intp]:

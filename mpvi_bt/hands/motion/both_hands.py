@@ -15,7 +15,7 @@ from mpvi_bt.ground.geometry.solids import Array, bounds
 from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.model import SIGN, RobotModel
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
-from mpvi_bt.ground.robot.protocol import SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.squeeze import pressing, squeezes
 from mpvi_bt.hands.motion.work import Work
 
@@ -146,7 +146,7 @@ def open_wide(work: Work) -> Actions:
     """Take both hands off what they press, outward; where the arms cannot go there, with the body bent otherwise."""
     motion, outward = work.motion, {side: np.array([0.0, SIGN[side] * IN_STEP.outward_m, 0.0]) for side in SIDES}
     for side in SIDES:  # from where the hands are, not from where they press to
-        motion.action[StaticLayout.ARM[side]] = motion.felt.arm[side]
+        motion.action[motion.layout.arm[side]] = motion.felt.arm[side]
     yield motion.still()
     start = _apart(work)
     with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough

@@ -13,7 +13,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.drives import in_base_frame
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure, smooth
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.stance.course import Course, CourseStart
 
@@ -108,7 +108,7 @@ def go_along(
         if norm(error[:2]) > FOLLOW.astray_m:  # pressed against a wall it could not even draw its hand back
             yield from motion.drive(course.base(smooth(max(0.0, k / n - FOLLOW.back)), start), FOLLOW.base_speed_m_s)
             raise MotionFailure("base_blocked", f"{100 * norm(error[:2]):.0f} cm off its course")
-        motion.action[StaticLayout.TORSO] = torso + (torso_after - torso) * x
+        motion.action[motion.layout.torso] = torso + (torso_after - torso) * x
         lost = 0 if _reach(motion, side, course.hand(x)) else lost + 1
         if lost >= FOLLOW.lost_steps:
             raise MotionFailure("off_course")
@@ -173,11 +173,11 @@ def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
     q = motion.robot.nearest_posture(matmul(T_chest_world, T_world_tcp), side, now)
     if q is None or np.abs(q - now).max() > FOLLOW.leap_rad:
         return False
-    motion.action[StaticLayout.ARM[side]] = now + np.clip(q - now, -FOLLOW.step_rad, FOLLOW.step_rad)
+    motion.action[motion.layout.arm[side]] = now + np.clip(q - now, -FOLLOW.step_rad, FOLLOW.step_rad)
     return True
 
 
 def _moving(motion: Motion, velocity_world: Array) -> Array:
     yaw = float(motion.felt.base_pose[2])
-    motion.action[StaticLayout.BASE] = in_base_frame(motion.robot, velocity_world, yaw)
+    motion.layout.set_velocity(motion.action, in_base_frame(motion.robot, velocity_world, yaw))
     return motion.action.copy()

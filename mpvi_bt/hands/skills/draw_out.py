@@ -16,7 +16,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.hand import Hand
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
-from mpvi_bt.ground.robot.protocol import Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.work import NEAR_M, Work
@@ -88,7 +88,7 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
         shift = matmul(kin.inverse(work.base), kin.base(stance.base))
         for T in stance.waypoints[2:-1]:
             yield from motion.line(side, matmul(shift, T), _DRAW.speed_m_s, give_rad=np.inf)
-        motion.action[StaticLayout.ARM[side]] = motion.felt.arm[side]
+        motion.action[motion.layout.arm[side]] = motion.felt.arm[side]
         yield from lines(work, side, stance, [len(stance.waypoints) - 1])
     except MotionFailure:
         yield from withdraw(work, side, stance)

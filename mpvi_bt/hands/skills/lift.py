@@ -11,7 +11,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.ground.robot.squeeze import pressing, squeezes
 from mpvi_bt.hands.motion.approach import APPROACH
 from mpvi_bt.hands.motion.both_hands import BENDING, IN_STEP, open_wide, raise_both, straighten_up, together
@@ -100,6 +100,6 @@ def _press(work: Work) -> Actions:
     n = round(_LIFT.pressing_s * CONTROL_HZ)
     for k in range(1, n + 1):
         for side in SIDES:
-            motion.action[StaticLayout.ARM[side]] = start[side] + (told[side] - start[side]) * k / n
+            motion.action[motion.layout.arm[side]] = start[side] + (told[side] - start[side]) * k / n
         yield motion.still()
     yield motion.still()

@@ -11,7 +11,7 @@ from mpvi_bt.finding.shapes.moving_parts import Bar, Door, lid, moved, outward, 
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
-from mpvi_bt.ground.robot.protocol import Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.door_views import look_beside, seen_twice, stand_before, stands_as
 from mpvi_bt.hands.motion.follow import FOLLOW, back_out, go_along, take_up, touch
@@ -166,7 +166,7 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     if aside is None:
         yield from motion.grip(side, 1.0, GRIP.empty_s)
     else:
-        motion.action[StaticLayout.ARM[side]] = motion.felt.arm[side]  # presses no more
+        motion.action[motion.layout.arm[side]] = motion.felt.arm[side]  # presses no more
     away = -matmul(work.base, motion.hand(side))[:2, 2]
     if (length := float(norm(away))) > FOLLOW.level:
         yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), FOLLOW.off_m), failures)

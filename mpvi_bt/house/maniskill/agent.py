@@ -26,7 +26,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import extremes
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.house.maniskill.drive_tensors import DrivenR1, Drives
 from mpvi_bt.house.maniskill.scene_views import SHADERS, adopt_articulation, register_shaders
@@ -35,9 +35,11 @@ from mpvi_bt.house.sim.sim_robot import load_robot
 # Our choice: what a delta of 1 is. Joints: what they do in a step at the speed that motions are planned with.
 _TORSO_STEP = r1.TORSO_SPEED / CONTROL_HZ
 _ARM_STEP = r1.ARM_SPEED / CONTROL_HZ
-_STEP = np.zeros(ACTION_SIZE)
-_STEP[StaticLayout.TORSO] = _TORSO_STEP
-for _part in StaticLayout.ARM.values():
+_LAYOUT = r1.R1.layout
+_BASE = [i for i in _LAYOUT.base if i is not None]
+_STEP = np.zeros(_LAYOUT.size)
+_STEP[_LAYOUT.torso] = _TORSO_STEP
+for _part in _LAYOUT.arm.values():
     _STEP[_part] = _ARM_STEP
 _AHEAD = 5.0  # steps that targets may be ahead of joints: what is in the way would else have them run on
 _HAND_STEP_M, _HAND_STEP_RAD = 0.5 / CONTROL_HZ, 1.5 / CONTROL_HZ
@@ -57,7 +59,7 @@ class R1ControllerConfig(ControllerConfig):  # type: ignore[misc]  # mani_skill 
 
 
 class PositionController(BaseController):  # type: ignore[misc]
-    """Actions of 23 numbers in the order and units of `StaticLayout`: what `Robot.act` takes."""
+    """Actions of 23 numbers in the order and units of the r1's layout: what `Robot.act` takes."""
 
     config: R1ControllerConfig
     sets_target_qpos = True
@@ -78,7 +80,7 @@ class PositionController(BaseController):  # type: ignore[misc]
         drives.send()
 
     def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
-        """(n, 23) the robots' commands for an action (n, size) of this controller.
+        """(n, A) the robots' commands for an action (n, size) of this controller.
 
         Who drives a robot as a `Robot` has told it already, with all digits: then that stands, not what is left of it
         in ManiSkill's float32.
@@ -87,7 +89,7 @@ class PositionController(BaseController):  # type: ignore[misc]
         return torch.where(told, drives.command, action)
 
     def get_state(self) -> dict[str, torch.Tensor]:
-        """The commands (n, 23), and the velocities (n, 3) that the bases were told to have."""
+        """The commands (n, A), and the velocities (n, 3) that the bases were told to have."""
         drives = self.config.drives
         return {"command": drives.command.float(), "base_velocity": drives.base_velocity.float()}
 
@@ -108,13 +110,13 @@ class DeltaController(PositionController):
     Steps are from the last target, as drives are told its speed too: from where the joints are they would run away.
     """
 
-    lowest, highest = -np.ones(23), np.ones(23)
+    lowest, highest = -np.ones(_LAYOUT.size), np.ones(_LAYOUT.size)
 
     def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
-        """(n, 23) the robots' commands."""
+        """(n, A) the robots' commands."""
         command = ahead(drives.command, drives.felt(), action)
-        command[:, StaticLayout.BASE] = action[:, StaticLayout.BASE] * _like(action, r1.BASE_SPEED)
-        grippers = list(StaticLayout.GRIPPER.values())
+        command[:, _BASE] = action[:, _BASE] * _like(action, r1.BASE_SPEED)
+        grippers = list(_LAYOUT.gripper.values())
         command[:, grippers] = action[:, grippers]
         return command
 
@@ -129,19 +131,19 @@ class HandController(PositionController):
     lowest, highest = -np.ones(21), np.ones(21)
 
     def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
-        """(n, 23) the robots' commands."""
+        """(n, A) the robots' commands."""
         felt, command = drives.felt(), drives.command.clone()
-        command[:, StaticLayout.BASE] = action[:, StaticLayout.BASE] * _like(action, r1.BASE_SPEED)
+        command[:, _BASE] = action[:, _BASE] * _like(action, r1.BASE_SPEED)
         whole = torch.zeros_like(command)
-        whole[:, StaticLayout.TORSO] = action[:, StaticLayout.TORSO]
+        whole[:, _LAYOUT.torso] = action[:, _LAYOUT.torso]
         lowest, highest = (_like(action, limit) for limit in r1.TORSO_LIMITS.T)
-        command[:, StaticLayout.TORSO] = ahead(command, felt, whole)[:, StaticLayout.TORSO].clip(lowest, highest)
+        command[:, _LAYOUT.torso] = ahead(command, felt, whole)[:, _LAYOUT.torso].clip(lowest, highest)
         for side, part in zip(SIDES, (slice(7, 14), slice(14, 21)), strict=True):
-            asked, arm = action[:, part], StaticLayout.ARM[side]
-            rows = (t.cpu().numpy() for t in (drives.command, command[:, StaticLayout.TORSO], asked, felt[:, arm]))
+            asked, arm = action[:, part], _LAYOUT.arm[side]
+            rows = (t.cpu().numpy() for t in (drives.command, command[:, _LAYOUT.torso], asked, felt[:, arm]))
             arms = np.stack([_arm(side, *row) for row in zip(*rows, strict=True)])
             command[:, arm] = _like(action, arms)
-            command[:, StaticLayout.GRIPPER[side]] = asked[:, 6]
+            command[:, _LAYOUT.gripper[side]] = asked[:, 6]
         return command
 
 
@@ -149,9 +151,9 @@ def ahead(last: torch.Tensor, felt: torch.Tensor, action: torch.Tensor) -> torch
     """Targets of torso and arms a step on from the last ones, but not far ahead of where the joints are.
 
     Args:
-        last: (n, 23) the last commands.
-        felt: (n, 23) where the joints are, in the places of an action.
-        action: (n, 23) steps, -1 to 1; those of base and grippers, which have none, count for nothing.
+        last: (n, A) the last commands.
+        felt: (n, A) where the joints are, in the places of an action.
+        action: (n, A) steps, -1 to 1; those of base and grippers, which have none, count for nothing.
     """
     step = _like(last, _STEP)
     return torch.clamp(last + action * step, felt - _AHEAD * step, felt + _AHEAD * step)
@@ -159,8 +161,8 @@ def ahead(last: torch.Tensor, felt: torch.Tensor, action: torch.Tensor) -> torch
 
 def _arm(side: Side, last: Array, torso: Array, asked: Array, felt: Array) -> Array:
     """(7,) targets of one arm that bring its hand a step on, with the torso at its new targets; else the last ones."""
-    told: Array = last[StaticLayout.ARM[side]]
-    T = r1.R1.tcp(last[StaticLayout.TORSO], told, side)
+    told: Array = last[_LAYOUT.arm[side]]
+    T = r1.R1.tcp(last[_LAYOUT.torso], told, side)
     T[:3, :3] = matmul(Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix(), T[:3, :3])
     T[:3, 3] += asked[:3] * _HAND_STEP_M
     posture = r1.R1.nearest_posture(matmul(kin.inverse(r1.R1.chest(torso)), T), side, told)

@@ -13,15 +13,15 @@ from mani_skill.utils.structs import Articulation
 
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION, travel_action
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.cameras import Cameras
 from mpvi_bt.house.sim.sim_robot import CLOSED_M, SimRobot
 
-_PLACES = {name: i for i, name in enumerate(R1.torso_joints, StaticLayout.TORSO.start) if name is not None} | {
-    name: StaticLayout.ARM[side].start + i for side in R1.sides for i, name in enumerate(R1.arm_joints[side])
+_PLACES = {name: i for i, name in enumerate(R1.torso_joints, R1.layout.torso.start) if name is not None} | {
+    name: R1.layout.arm[side].start + i for side in R1.sides for i, name in enumerate(R1.arm_joints[side])
 }  # those with targets of their own, to their places in an action
-_FINGERS = {name: StaticLayout.GRIPPER[side] for side in R1.sides for name in R1.finger_joints[side]}
+_FINGERS = {name: R1.layout.gripper[side] for side in R1.sides for name in R1.finger_joints[side]}
 Rows: TypeAlias = torch.Tensor | slice  # which of the robots
 
 
@@ -29,7 +29,7 @@ class Drives:
     """The drives of n robots. Numbers are float64, so that a batch of one goes as the core's robot does, bit by bit.
 
     Attributes:
-        command: (n, 23) what each robot was told last, `StaticLayout`.
+        command: (n, A) what each robot was told last, by its layout.
         base_velocity: (n, 3) that its base was told to have, in its frame [m/s, m/s, rad/s].
         robot: The robots, as soon as ManiSkill knows them; until then nothing is sent.
     """
@@ -53,14 +53,14 @@ class Drives:
         self.send()
 
     def felt(self) -> torch.Tensor:
-        """(n, 23) where the joints of torso and arms are [m, rad], in the places of an action; 0 in all others."""
+        """(n, A) where the joints of torso and arms are [m, rad], in the places of an action; 0 in all others."""
         assert self.robot is not None
         out = torch.zeros_like(self.command)
         out[:, list(_PLACES.values())] = self.robot.get_qpos().double()[:, self._where]
         return out
 
     def restore(self, rows: Rows, command: torch.Tensor, base_velocity: torch.Tensor) -> None:
-        """Have the drives of some robots go on from commands (m, 23) and velocities (m, 3), whatever they did before.
+        """Have the drives of some robots go on from commands (m, A) and velocities (m, 3), whatever they did before.
 
         Args:
             rows: Which robots, ascending: those that ManiSkill resets, or all.

@@ -13,7 +13,7 @@ import sapien
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION, commanded, travel_action
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Side, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.body import SimBody
 from mpvi_bt.house.sim.cameras import Cameras
@@ -28,8 +28,9 @@ class SimRobot(SimBody):
     def __init__(self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None, model: RobotModel = R1) -> None:
         """Put a robot into `scene` at `base_pose` (3,) x, y [m], yaw [rad], hands folded; no cameras: no pictures."""
         super().__init__(load_robot(scene, model, visible=cameras is not None), model, cameras)
-        torso = [(n, i) for i, n in enumerate(model.torso_joints, StaticLayout.TORSO.start) if n is not None]
-        arms = [(n, StaticLayout.ARM[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
+        layout = model.layout
+        torso = [(n, i) for i, n in enumerate(model.torso_joints, layout.torso.start) if n is not None]
+        arms = [(n, layout.arm[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
         self._targets = [self._joints[n] for n, _ in (*torso, *arms)]
         self._driven = np.array([i for _, i in (*torso, *arms)])  # where these are in an action
         if cameras is not None:
@@ -52,30 +53,30 @@ class SimRobot(SimBody):
 
     @property
     def action(self) -> Array:
-        """(23,) a copy of the command of the next step, `StaticLayout`."""
+        """(A,) a copy of the command of the next step, by the robot's layout."""
         return self._action.copy()
 
     def act(self, action: Array) -> None:
         """Set the command of the next step, brought within the robot's limits.
 
         Raises:
-            BackendError: The action is not 23 finite numbers.
+            BackendError: The action is not as many finite numbers as its layout has.
         """
         self._action = commanded(self.model, action)
 
     @property
     def gripper_command(self) -> Mapping[Side, float]:
         """Last command of each gripper, -1 closed ... 1 open."""
-        return {s: float(self._action[StaticLayout.GRIPPER[s]]) for s in self.model.sides}
+        return {s: float(self._action[self.model.layout.gripper[s]]) for s in self.model.sides}
 
     @property
     def arm_command(self) -> Mapping[Side, Array]:
         """(7,) what each arm was told last."""
-        return {s: self._action[StaticLayout.ARM[s]].copy() for s in self.model.sides}
+        return {s: self._action[self.model.layout.arm[s]].copy() for s in self.model.sides}
 
     def hold(self) -> None:
         """Stand still; every joint keeps its target."""
-        self._action[StaticLayout.BASE] = 0.0
+        self.model.layout.set_velocity(self._action, 0.0)
 
     def save(self) -> dict[str, list[float]]:
         """How it stands and moves, and its command."""
@@ -89,7 +90,7 @@ class SimRobot(SimBody):
     def restore(self, saved: Mapping[str, list[float]]) -> None:
         """Have it stand and move so. Raises KeyError or ValueError if that is of another robot."""
         joints = len(self.articulation.get_qpos())
-        sizes = {"q": joints, "v": joints, "action": ACTION_SIZE, "base": 3}
+        sizes = {"q": joints, "v": joints, "action": self.model.layout.size, "base": 3}
         values = {key: np.array(saved[key], float) for key in sizes}
         for key, size in sizes.items():
             if values[key].shape != (size,) or not np.isfinite(values[key]).all():
@@ -107,7 +108,7 @@ class SimRobot(SimBody):
         """Have arms stand in postures (7,) at once, at rest, and keep them."""
         q, action = self.articulation.get_qpos(), self.action
         for side, posture in arms.items():
-            q[self._arm[side]] = action[StaticLayout.ARM[side]] = posture
+            q[self._arm[side]] = action[self.model.layout.arm[side]] = posture
         self.articulation.set_qpos(q)
         self.articulation.set_qvel(np.zeros_like(q))
         self._sent = None
@@ -117,7 +118,7 @@ class SimRobot(SimBody):
     def apply(self) -> None:
         """Send the command to the drives. The world calls it once a control step."""
         action, sent = self._action, self._sent
-        self._drive_base(action[StaticLayout.BASE])
+        self._drive_base(self.model.layout.velocity(action))
         if sent is None or not np.array_equal(action[3:], sent[3:]):
             before = action if sent is None else sent
             for joint, target, last in zip(
@@ -128,7 +129,7 @@ class SimRobot(SimBody):
                 joint.set_drive_velocity_target((target - last) * CONTROL_HZ)
             for s in self.model.sides:
                 open_m = self.model.hand.travel_m - CLOSED_M
-                finger = CLOSED_M + (float(action[StaticLayout.GRIPPER[s]]) + 1) / 2 * open_m
+                finger = CLOSED_M + (float(action[self.model.layout.gripper[s]]) + 1) / 2 * open_m
                 for name in self.model.finger_joints[s]:
                     self._joints[name].set_drive_target(finger)
             self._sent, self._moving = action.copy(), True

@@ -15,11 +15,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.executive.remote.behavior_layout import FIELDS, SIZE, action_for, camera_poses, encoded
+from mpvi_bt.executive.remote.behavior_layout import ACTION_SIZE, FIELDS, SIZE, action_for, camera_poses, encoded
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.human import human_stats
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.runs.datasets.columns import Feature, vector
 from mpvi_bt.runs.datasets.demonstrations import Demonstrated
 from mpvi_bt.runs.datasets.layouts import V21, DatasetEpisode, prompts

@@ -19,8 +19,9 @@ from mpvi_bt.executive.remote.prompts import prompt_of
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.ground.marked_yaml import Record, load_marked, validate_data
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE
-from mpvi_bt.runs.recording.demonstration_recorder import VERSION
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.runs.recording.demonstration_recorder import VERSION, velocity_sizes
 
 READ = (1, 2, VERSION)
 CODEC = "h264"
@@ -39,7 +40,7 @@ class Chosen(Record):
 
     model_config = ConfigDict(strict=True, extra="ignore")
 
-    robot: str = "r1"
+    robot: str = DEFAULT_ROBOT
 
 
 class EpisodeFile(Record):
@@ -98,8 +99,8 @@ class Demonstrated:
     def frames(self) -> dict[str, NDArray[Any]]:
         """Arrays by name.
 
-        They are state (n, 23), base_pose (n, 3), action (n, 23), subtask (n,), of each camera histogram/CAMERA (3, 256)
-        and, but for recordings of version 1, arm_velocity (n, 14) and T_base_camera/CAMERA (n, 4, 4).
+        They are state (n, A), base_pose (n, 3), action (n, A), subtask (n,), of each camera histogram/CAMERA (3, 256)
+        and, but for recordings of version 1, arm_velocity (n, V) and T_base_camera/CAMERA (n, 4, 4).
 
         Raises:
             FileProblems: Everything that is wrong with the file.
@@ -119,10 +120,13 @@ class Demonstrated:
     def _wrong(self, arrays: dict[str, NDArray[Any]]) -> Iterator[str]:
         """What is wrong with the arrays, each in a sentence."""
         n, last = self.about.frames, len(self.about.subtasks) - 1
-        due: dict[str, tuple[int, ...]] = {"state": (n, ACTION_SIZE), "base_pose": (n, 3), "action": (n, ACTION_SIZE)}
+        robot = robot_named(self.about.config.robot)
+        size, velocities = robot.layout.size, sum(velocity_sizes(robot).values())
+        due: dict[str, tuple[int, ...]] = {"state": (n, size), "base_pose": (n, 3), "action": (n, size)}
         due |= {"subtask": (n,)} | {f"histogram/{camera}": (3, 256) for camera in self.about.cameras}
         if self.about.version > 1:
-            due |= {"arm_velocity": (n, 14)} | {f"T_base_camera/{camera}": (n, 4, 4) for camera in self.about.cameras}
+            due |= {"arm_velocity": (n, velocities)}
+            due |= {f"T_base_camera/{camera}": (n, 4, 4) for camera in self.about.cameras}
         for name, shape in due.items():
             array = arrays.get(name)
             counts = name == "subtask" or name.startswith("histogram/")

@@ -24,7 +24,7 @@ class TimedPolicy(WrappedPolicy):
         self.took_s: list[float] = []
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(H, 23) as the policy answers. Raises what it raises."""
+        """(H, A) as the policy answers. Raises what it raises."""
         began = compiling.clock()
         chunk = self._policy.infer(observation)
         self.took_s.append(compiling.clock() - began)

@@ -17,11 +17,11 @@ from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.robots import layout_of
 from mpvi_bt.runs.disturbances.faults import KINDS
-
-_ARMS = np.r_[StaticLayout.ARM["left"], StaticLayout.ARM["right"]]
 
 
 class FaultyPolicy(WrappedPolicy):
@@ -82,7 +82,7 @@ class FaultyPolicy(WrappedPolicy):
         super().restore(saved["wrapped"])
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(H, 23). Raises PolicyError if the policy gives no chunk."""
+        """(H, A). Raises PolicyError if the policy gives no chunk."""
         if self._before is None:
             self._before = command_of(observation["proprioception"])
         prompt = observation["prompt"]
@@ -91,26 +91,28 @@ class FaultyPolicy(WrappedPolicy):
                 self._said = prompt, self._mistaken(prompt)
             prompt = self._said[1]
         chunk = ask(self._policy, {**observation, "prompt": prompt})
+        layout = layout_of(observation["proprioception"])
         for action in chunk:
-            self._disturb(action)
+            self._disturb(action, layout)
         return chunk
 
-    def _disturb(self, action: Array) -> None:
+    def _disturb(self, action: Array, layout: ActionLayout) -> None:
         """Change one action, in place."""
+        arms = layout.arm_joints
         self._step += 1
         draws = self._draws("step", self._step)
         if self._frozen is None and draws.random() < self._faults.get("freeze", 0.0):
             assert self._before is not None
             self._frozen = self._before.copy()
-            self._frozen[StaticLayout.BASE] = 0.0
+            layout.set_velocity(self._frozen, 0.0)
             self.happened["freeze"] += 1
         if jitter := self._faults.get("jitter"):
-            action[_ARMS] += draws.normal(0.0, jitter, len(_ARMS))
+            action[arms] += draws.normal(0.0, jitter, len(arms))
             self.happened["jitter"] += 1
         if drift := self._faults.get("drift"):
-            way = self._draws("drift", 0).normal(size=len(_ARMS))
+            way = self._draws("drift", 0).normal(size=len(arms))
             way /= np.sqrt(np.mean(way**2))
-            action[_ARMS] += way * drift * self._step / CONTROL_HZ
+            action[arms] += way * drift * self._step / CONTROL_HZ
             self.happened["drift"] += 1
         if self._frozen is not None:
             action[:] = self._frozen

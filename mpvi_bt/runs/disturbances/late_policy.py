@@ -12,7 +12,8 @@ from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_rows import command_of
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, Proprioception, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robots import layout_of
 from mpvi_bt.runs.disturbances.latency import in_steps
 
 Meanwhile = Literal["hold", "go_on"]
@@ -27,7 +28,7 @@ class LatePolicy(WrappedPolicy):
     cover the wait; the robot then holds for what is missing. (Delay d, horizon H, d <= H - d: Real-Time Chunking,
     arXiv 2506.07339.)
 
-    With "go_on" the observation has "committed", (d, 23): the actions that will be carried out before the answer takes
+    With "go_on" the observation has "committed", (d, A): the actions that will be carried out before the answer takes
     effect. A policy that is trained for it freezes its chunk's first d actions to them.
 
     Args:
@@ -44,7 +45,7 @@ class LatePolicy(WrappedPolicy):
         super().__init__(policy)
         self._latency_s, self._meanwhile = latency_s, meanwhile
         self._answers = 0
-        self._kept = np.empty((0, ACTION_SIZE))  # the end of the last chunk, not carried out yet
+        self._kept: Array | None = None  # the end of the last chunk, not carried out yet
         self._last: Array | None = None  # of the last chunk: the command in force once it is used up
         self.fresh, self.stale = 0, 0
 
@@ -62,8 +63,7 @@ class LatePolicy(WrappedPolicy):
     def reset(self) -> None:
         """Forget everything, what was kept back too."""
         super().reset()
-        self._kept = np.empty((0, ACTION_SIZE))
-        self._last = None
+        self._kept = self._last = None
 
     def save(self) -> dict[str, Any]:
         """Answers and steps so far."""
@@ -75,11 +75,12 @@ class LatePolicy(WrappedPolicy):
         super().restore(saved["wrapped"])
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(H, 23). Raises PolicyError if the policy gives no chunk."""
+        """(H, A). Raises PolicyError if the policy gives no chunk."""
+        body = observation["proprioception"]
         delay = in_steps(self._latency_s(self._answers))
         self._answers += 1
-        covered = self._kept[:delay]
-        held = np.repeat(self._still(observation["proprioception"], covered)[None], delay - len(covered), 0)
+        covered = np.empty((0, layout_of(body).size)) if self._kept is None else self._kept[:delay]
+        held = np.repeat(self._still(body, covered)[None], delay - len(covered), 0)
         waiting = np.concatenate([covered, held])
         if self._meanwhile == "go_on":
             observation = {**observation, "committed": waiting.copy()}
@@ -94,8 +95,8 @@ class LatePolicy(WrappedPolicy):
         return np.concatenate([waiting, carried])
 
     def _still(self, body: Proprioception, before: Array) -> Array:
-        """(23,) the command that keeps every joint's target and the base at rest, once `before` is carried out."""
+        """(A,) the command that keeps every joint's target and the base at rest, once `before` is carried out."""
         last = before[-1] if len(before) else self._last
         held = last.copy() if last is not None else command_of(body)
-        held[StaticLayout.BASE] = 0.0
+        layout_of(body).set_velocity(held, 0.0)
         return held

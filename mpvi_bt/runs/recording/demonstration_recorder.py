@@ -23,7 +23,9 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import Resampler
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, Proprioception, Robot, StaticLayout
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.ground.robot.robots import layout_of, robot_named
 from mpvi_bt.ground.words.phrases import OTHER
 from mpvi_bt.ground.writing import unwritable, write_whole
 
@@ -35,34 +37,48 @@ FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and 
 
 
 def state(felt: Proprioception) -> Array:
-    """(23,) what is felt, in the action's order and units; a gripper's entry is its opening [m], 0 to 0.10."""
-    values = np.zeros(ACTION_SIZE)
-    values[StaticLayout.BASE] = felt.base_velocity
-    values[StaticLayout.TORSO] = felt.torso
-    for side, joints in StaticLayout.ARM.items():
-        if side not in felt.arm:
-            continue
-        values[joints] = felt.arm[side]
-        values[StaticLayout.GRIPPER[side]] = felt.gripper_width[side]
+    """(A,) what is felt, in the action's order and units; a gripper's entry is its opening [m]."""
+    layout = layout_of(felt)
+    values = np.zeros(layout.size)
+    layout.set_velocity(values, felt.base_velocity)
+    values[layout.torso] = felt.torso
+    for side in felt.sides:
+        values[layout.arm[side]] = felt.arm[side]
+        values[layout.gripper[side]] = felt.gripper_width[side]
     return values
 
 
+def velocity_sizes(robot: RobotDescription) -> dict[Side, int]:
+    """How many numbers a row has of each arm's velocity: of an arm that is missing as many as of the other one."""
+    joints = {side: len(robot.arm_joints[side]) for side in robot.sides}
+    return {side: joints.get(side, max(joints.values(), default=0)) for side in SIDES}
+
+
+def arm_velocities(felt: Proprioception) -> Array:
+    """(V,) [rad/s], the left arm's first; 0 of an arm that the robot lacks."""
+    sizes = velocity_sizes(robot_named(felt.robot))
+    return np.concatenate([felt.arm_velocity.get(side, np.zeros(size)) for side, size in sizes.items()])
+
+
 def felt_again(state: Array, base_pose: Array, arm_velocity: Array, robot: str) -> Proprioception:
-    """What was felt, of a recorded row: the inverse of `state`, for robots with two arms.
+    """What was felt, of a recorded row: the inverse of `state`.
 
     Args:
-        state: (23,).
+        state: (A,).
         base_pose: (3,) x, y [m], yaw [rad] in the world.
-        arm_velocity: (14,) [rad/s], the left arm's first.
+        arm_velocity: (V,) [rad/s], as of `arm_velocities`.
         robot: Its name.
     """
+    model = robot_named(robot)
+    layout, ends = model.layout, np.cumsum(list(velocity_sizes(model).values()))
+    velocities = dict(zip(SIDES, np.split(arm_velocity, ends[:-1]), strict=True))
     return Proprioception(
         base_pose=base_pose,
-        base_velocity=state[StaticLayout.BASE],
-        torso=state[StaticLayout.TORSO],
-        arm={side: state[StaticLayout.ARM[side]] for side in SIDES},
-        arm_velocity=dict(zip(SIDES, arm_velocity.reshape(2, 7), strict=True)),
-        gripper_width={side: float(state[StaticLayout.GRIPPER[side]]) for side in SIDES},
+        base_velocity=layout.velocity(state),
+        torso=state[layout.torso],
+        arm={side: state[layout.arm[side]] for side in model.sides},
+        arm_velocity={side: velocities[side] for side in model.sides},
+        gripper_width={side: float(state[layout.gripper[side]]) for side in model.sides},
         gripper_command={},
         robot=robot,
     )
@@ -85,7 +101,8 @@ class DemonstrationRecorder(Watcher):
     def __init__(self, folder: Path, about: dict[str, Any], fps: int = FPS, cameras: Sequence[str] = CAMERAS) -> None:
         self._folder, self._about, self._fps, self._cameras = folder, about, fps, tuple(cameras)
         self._every = CONTROL_HZ // fps
-        self._actions, self._told = Resampler(), np.empty(0)
+        self._actions: Resampler | None = None
+        self._told = np.empty(0)
         self._rows: dict[str, list[Any]] = {key: [] for key in (*NUMBERS, "subtask")}
         self._rows |= {f"T_base_camera/{camera}": [] for camera in self._cameras}
         self._videos: dict[str, CameraVideo] = {}
@@ -113,7 +130,7 @@ class DemonstrationRecorder(Watcher):
         Args:
             steps: Control steps that are over.
             robot: What it feels and sees.
-            action: (23,) that the next step carries out.
+            action: (A,) that the next step carries out.
             at: Says what the robot is at.
         """
         if steps % self._every == 0:
@@ -125,9 +142,11 @@ class DemonstrationRecorder(Watcher):
         if not self._rows["state"]:
             self._told = action
         felt = robot.proprioception()
+        if self._actions is None:
+            self._actions = Resampler(layout_of(felt))
         self._rows["state"].append(state(felt))
         self._rows["base_pose"].append(felt.base_pose)
-        self._rows["arm_velocity"].append(np.concatenate([felt.arm_velocity.get(s, np.zeros(7)) for s in SIDES]))
+        self._rows["arm_velocity"].append(arm_velocities(felt))
         self._rows["subtask"].append(at())
         T_base_world = kin.inverse(kin.base(felt.base_pose))
         for camera in self._cameras:
@@ -139,13 +158,15 @@ class DemonstrationRecorder(Watcher):
 
     def _tell(self, actions: Array, whole: bool = True) -> None:
         """Add the actions of control steps; write the rows that are complete."""
+        assert self._actions is not None
         for row in self._actions.resampled(actions, CONTROL_HZ, self._fps, self._told, whole):
             self._rows["action"].append(row)
             self._told = row
 
     def end(self, outcome: Outcome) -> None:
         """Close the last row and the videos, however the episode ended."""
-        self._tell(np.empty((0, ACTION_SIZE)), whole=False)
+        if self._actions is not None:
+            self._tell(np.empty((0, len(self._told))), whole=False)
         for video in self._videos.values():
             video.close()
         self._finished = outcome.ending not in ("error", "backend_error", "interrupted")

@@ -26,7 +26,7 @@ from mpvi_bt.executive.ticking.goal_report import GoalReport
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.human import Human, human_stats
-from mpvi_bt.ground.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
@@ -98,7 +98,7 @@ class EvaluationListener(Protocol):
         ...
 
     def acted(self, instance: int, action: Array) -> None:
-        """What the robot was told for a step, (23,) in our units."""
+        """What the robot was told for a step, (A,) in our units."""
         ...
 
 
@@ -263,6 +263,8 @@ class _Connection:
         self._session, self._listener = session, listener
         self._url = url_of(session.address)
         self._left = _RECONNECTS[session.dialect]
+        self._robot = robot_named(session.robot)
+        self._size = self._robot.layout.size
         _await_health(self._url, session.wait_s)
         self._connection = self._connect()
 
@@ -277,7 +279,7 @@ class _Connection:
         self._connection.send(pack({RESET: True}), time.monotonic() + _METADATA_S)
 
     def actions(self, writer: _Writer) -> Array:
-        """(K, 23) the answer to the present observation, in our units. Raises PolicyError."""
+        """(K, A) the answer to the present observation, in our units. Raises PolicyError."""
         more: list[str] = []
         for _ in range(_ASKED):
             answer = self._ask(writer.write(more))
@@ -285,7 +287,7 @@ class _Connection:
                 raise PolicyError("bad_reply", f"an answer that is {shown(answer)}, not a mapping")
             if (actions := self._told(answer)) is not None:
                 return actions
-            more += [camera for camera in answer.get("look", ()) if camera in ("head", "left", "right")]
+            more += [camera for camera in answer.get("look", ()) if camera in self._robot.cameras]
         raise PolicyError("bad_reply", f"no action in {_ASKED} answers, the last of which has {', '.join(answer)}")
 
     def _ask(self, message: Mapping[str, Any]) -> Any:
@@ -305,16 +307,16 @@ class _Connection:
 
     def _told(self, answer: Mapping[str, Any]) -> Array | None:
         if self._session.dialect == "openpi":
-            return _rows(answer["actions"]) if "actions" in answer else None
+            return _rows(answer["actions"], self._size) if "actions" in answer else None
         if "action" not in answer:
             return None
-        first = _rows(np.asarray(answer["action"], np.float32))[:1]
+        first = _rows(np.asarray(answer["action"], np.float32), self._size)[:1]
         if self._session.chunk is None:
             return behavior_layout.action_from(first)
         if "action_chunk" not in answer:
             self._listener.said("no action_chunk in the answer: going on singly")
             return behavior_layout.action_from(first)
-        chunk = _rows(np.asarray(answer["action_chunk"], np.float32))
+        chunk = _rows(np.asarray(answer["action_chunk"], np.float32), self._size)
         if len(chunk) != self._session.chunk or not np.array_equal(chunk[:1], first):
             raise PolicyError(
                 "bad_reply",
@@ -336,11 +338,11 @@ def _await_health(url: str, wait_s: float) -> None:
         time.sleep(min(_HEALTH_EVERY_S, max(deadline - time.monotonic(), 0.0)))
 
 
-def _rows(given: Any) -> Array:
-    """(K, 23) of actions (23,), (K, 23) or (1, K, 23). Raises PolicyError."""
+def _rows(given: Any, size: int) -> Array:
+    """(K, A) of actions (A,), (K, A) or (1, K, A). Raises PolicyError."""
     actions = np.asarray(given)
-    if actions.dtype.kind not in "fiu" or actions.size % ACTION_SIZE or actions.shape[-1:] != (ACTION_SIZE,):
+    if actions.dtype.kind not in "fiu" or actions.size % size or actions.shape[-1:] != (size,):
         raise PolicyError("bad_reply", f"actions of shape {actions.shape} and dtype {actions.dtype}")
     if not np.isfinite(actions).all():
         raise PolicyError("bad_reply", "actions that are not finite")
-    return actions.reshape(-1, ACTION_SIZE).astype(float)
+    return actions.reshape(-1, size).astype(float)

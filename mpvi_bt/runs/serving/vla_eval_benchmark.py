@@ -22,8 +22,9 @@ from mpvi_bt.executive.remote.task_settings import unfit
 from mpvi_bt.executive.remote.vla_eval import DEFAULT
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BackendError, UnknownName, UserError
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES
-from mpvi_bt.ground.robot.robots import ROBOTS
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT
+from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.house.instances.tasks import Task, load_task
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.methods import load_method
@@ -34,17 +35,25 @@ _HOLD = {"hold": True}  # in the place of an answer that has not come yet
 _ICD = "MPVI_LAVAPIPE_ICD"  # environment variable: where Mesa's renderer is, if vla-eval does not find it
 
 
-def action_spec(settings: DialectSettings) -> dict[str, DimSpec]:
-    """The action space: our 23 numbers in our units, or BEHAVIOR's R1Pro actions if settings map them."""
+def action_spec(settings: DialectSettings, robot: RobotDescription) -> dict[str, DimSpec]:
+    """The action space: our numbers in our units, or a robot's joints if settings map them."""
+    layout = robot.layout
     if settings.action.parts or settings.action.dialect:
-        said = settings.about
-        return {"joints": DimSpec("joints", settings.action.size, "joint_positions_r1pro", description=said)}
-    parts = {
-        "base": DimSpec("base", 3, "velocity_xy_yaw", description="m/s, m/s, rad/s in the base's frame"),
-        "torso": DimSpec("torso", 4, "lift_waist_yaw_pitch_head", description="targets: m, rad, rad, rad"),
-    }
-    for side in SIDES:
-        parts[f"{side}_arm"] = DimSpec(f"{side}_arm", 7, "joint_positions", description="targets: rad")
+        size = settings.action.told_size or layout.size
+        return {"joints": DimSpec("joints", size, f"joint_positions_{robot.name}", description=settings.about)}
+
+    def targets(name: str, where: slice) -> DimSpec:
+        numbers = range(layout.size)[where]
+        units = ", ".join("m" if i in robot.linear_joints else "rad" for i in numbers)
+        return DimSpec(name, len(numbers), "joint_positions", description=f"targets: {units}")
+
+    axes = [axis for axis, at in zip(("x", "y", "yaw"), layout.base, strict=True) if at is not None]
+    units = ", ".join("rad/s" if axis == "yaw" else "m/s" for axis in axes)
+    kind = "velocity_" + "".join(axes[:-1]) + "_yaw"
+    parts = {"base": DimSpec("base", len(axes), kind, description=f"{units} in the base's frame")}
+    parts["torso"] = targets("torso", layout.torso)
+    for side in robot.sides:
+        parts[f"{side}_arm"] = targets(f"{side}_arm", layout.arm[side])
         parts[f"{side}_gripper"] = DimSpec(f"{side}_gripper", 1, "open_positive", (-1, 1))
     return parts
 
@@ -153,7 +162,7 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
 
     def get_action_spec(self) -> dict[str, DimSpec]:
         """As of `action_spec`."""
-        return action_spec(self._settings)
+        return action_spec(self._settings, robot_named(self._common.get("robot", DEFAULT_ROBOT)))
 
     def get_observation_spec(self) -> dict[str, DimSpec]:
         """As of `observation_spec`."""

@@ -15,10 +15,12 @@ from mpvi_bt.executive.remote.dialect_settings import load_settings
 from mpvi_bt.executive.remote.policy_server import Session
 from mpvi_bt.executive.remote.server import Unseen
 from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.choices.policies import for_clients
 from mpvi_bt.runs.serving.vla_eval_benchmark import action_spec, observation_spec
 
-SETTINGS = "mpvi"  # the whole observation, and our own 23 numbers
+SETTINGS = "mpvi"  # the whole observation, and our own numbers
 
 
 class MpviModelServer(ModelServer):  # type: ignore[misc]  # vla_eval is untyped
@@ -69,8 +71,8 @@ class MpviModelServer(ModelServer):  # type: ignore[misc]  # vla_eval is untyped
             session.end()
 
     def get_action_spec(self) -> dict[str, DimSpec]:
-        """The 23 numbers."""
-        return action_spec(self._settings)
+        """The numbers of the default robot."""
+        return action_spec(self._settings, robot_named(DEFAULT_ROBOT))
 
     def get_observation_spec(self) -> dict[str, DimSpec]:
         """The whole observation."""
