@@ -43,6 +43,10 @@ class UserError(MpviError):
     exit_code = 2
 
 
+class NoModel(UserError):
+    """A robot is known by its file alone: what plans with closed forms of its arms cannot move it."""
+
+
 class UnknownName(UserError):
     """An unknown name; the message lists valid ones.
 

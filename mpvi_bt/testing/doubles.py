@@ -79,6 +79,7 @@ class KinematicRobot:
             gripper_velocity=dict(self._gripper_velocity),
             robot=self.model.name,
             open_m=self.model.opening_m,
+            grasp_m=self.model.grasp_m,
         )
 
     def look(self, camera: str) -> CameraImage:

@@ -12,7 +12,7 @@ import numpy as np
 from mpvi_bt.ground.geometry.solids import pose
 from mpvi_bt.ground.marked_yaml import parse_marked
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.house.layout.house import House, check_house
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue
 
@@ -48,7 +48,7 @@ class SceneBuilder:
         self._held: dict[Side, str] = {}
         self._filled: dict[str, list[str]] = {}
         self._opened: dict[tuple[str, str], float] = {}
-        self._base, self._robot = (0.0, 0.0, 0.0), robot_named("r1")
+        self._base, self._robot = (0.0, 0.0, 0.0), model_named("r1")
 
     def fixture(self, name: str, entry: str, at: tuple[float, float], yaw_deg: float = 0.0, **more: Any) -> Self:
         """Furniture, as in a house file.
@@ -98,7 +98,7 @@ class SceneBuilder:
 
     def robot_at(self, x: float, y: float, yaw: float = 0.0, robot: str = "r1") -> Self:
         """Place the robot [m, rad], and choose it; the default is an r1 at the origin."""
-        self._base, self._robot = (x, y, yaw), robot_named(robot)
+        self._base, self._robot = (x, y, yaw), model_named(robot)
         return self
 
     def house(self) -> House:

@@ -11,8 +11,7 @@ from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import NO_SKILL, Policy
-from mpvi_bt.ground.robot.action_rows import ActionKind
-from mpvi_bt.ground.robot.motion import Motion
+from mpvi_bt.ground.robot.action_rows import ActionKind, standing
 
 
 class WithBackup:
@@ -116,7 +115,7 @@ class WithBackup:
         elif self._left and self._done:
             self._tell(self._first, self._left.pop(0))
         if barred := self._barred():
-            chunk = Motion(observation["proprioception"]).still()[None]
+            chunk = standing(observation["proprioception"])[None]
         else:
             chunk = ask(self._at, {**observation, "prompt": self._told})
         if barred or self._refused():

@@ -160,6 +160,7 @@ def _read_body(given: Any, default: RobotDescription | None) -> Proprioception:
         gripper_velocity=hands("gripper_velocity") if "gripper_velocity" in body else {},
         robot=robot,
         open_m=model.opening_m,
+        grasp_m=model.grasp_m,
     )
 
 

@@ -101,6 +101,7 @@ class RemoteRobot:
             arm_command=told.arm_command or {side: action[layout.arm[side]].copy() for side in told.sides},
             robot=self.model.name,
             open_m=self.model.opening_m,
+            grasp_m=self.model.grasp_m,
         )
         self._seen, self._seen_from = reading, pose
         self._images: dict[str, CameraImage] = {}

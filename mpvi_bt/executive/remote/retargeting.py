@@ -19,7 +19,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.arms import SphericalArm
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import SIDES, Proprioception
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.robots import model_named
 
 _R1PRO = "r1pro"
 _STEP_S = 1e-4  # of differences that stand for a velocity
@@ -39,7 +39,7 @@ def as_r1pro(body: Proprioception) -> Proprioception:
     """The nearest that an R1Pro can feel. Raises as `check_like_r1pro`."""
     if body.robot == _R1PRO:
         return body
-    robot, r1pro = robot_named(body.robot), robot_named(_R1PRO)
+    robot, r1pro = model_named(body.robot), model_named(_R1PRO)
     check_like_r1pro(robot)
     arm = {side: _wrist_of_r1pro(robot, body.arm[side]) for side in SIDES}
     after = {side: _wrist_of_r1pro(robot, body.arm[side] + _STEP_S * body.arm_velocity[side]) for side in SIDES}
@@ -67,7 +67,7 @@ def from_r1pro(actions: Array, body: Proprioception) -> Array:
     """
     if body.robot == _R1PRO:
         return actions
-    robot, r1pro = robot_named(body.robot), robot_named(_R1PRO)
+    robot, r1pro = model_named(body.robot), model_named(_R1PRO)
     check_like_r1pro(robot)
     out, layout = actions.copy(), r1pro.layout
     posture = r1pro.trunk.posture(actions[:, layout.torso])
@@ -83,7 +83,7 @@ def from_r1pro(actions: Array, body: Proprioception) -> Array:
 def _wrist_of_r1pro(robot: RobotModel, q: Array) -> Array:
     """(7,) the arm's posture with R1Pro's last three joints."""
     q = np.asarray(q, float)
-    return np.concatenate([q[:4], _wrist(_turn(robot, q), robot_named(_R1PRO), q)])
+    return np.concatenate([q[:4], _wrist(_turn(robot, q), model_named(_R1PRO), q)])
 
 
 def _last(robot: RobotModel) -> str:

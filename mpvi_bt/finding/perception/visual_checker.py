@@ -17,7 +17,8 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT, CameraImage, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.words.phrases import Vocabulary
 
@@ -68,17 +69,20 @@ class VisualChecker:
     needs_image = True
 
     def __init__(
-        self, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight | None = None, robot: RobotModel | None = None
+        self,
+        phrases: Mapping[str, Iterable[str]],
+        eyesight: Eyesight | None = None,
+        robot: RobotDescription | None = None,
     ) -> None:
         """Take the vocabulary.
 
         Args:
             phrases: Label of each thing to what people call it.
             eyesight: What counts as seen.
-            robot: Whose cameras took the pictures; None: an r1.
+            robot: Whose cameras took the pictures; None: the default robot.
         """
         self._phrases = {name: tuple(called) for name, called in phrases.items()}
-        self._eyesight, self._robot = eyesight or Eyesight(), robot or robot_named("r1")
+        self._eyesight, self._robot = eyesight or Eyesight(), robot or robot_named(DEFAULT_ROBOT)
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """Whether the picture shows that `criterion` is met."""
@@ -119,11 +123,20 @@ def _best(looks: list[Judgement]) -> Judgement:
     return next((look for look in looks if look.complete), looks[0] if looks else Judgement(False, "nothing else seen"))
 
 
+def _seen_from_hand(robot: RobotDescription, camera: str) -> tuple[Array, float]:
+    """T_hand_camera (4, 4) of a wrist's camera, and how far the tcp is along z of that frame [m]."""
+    if isinstance(robot, RobotModel):
+        return robot.hand_to_camera, robot.tcp_m
+    side: Side = "left" if camera == "left" else "right"
+    joints = robot.travel_torso, robot.travel_arm[side]
+    return matmul(inverse(robot.tcp(*joints, side)), robot.wrist_camera(*joints, side)), 0.0
+
+
 class _SeenPicture:
     """One picture, by what it shows."""
 
     def __init__(
-        self, image: CameraImage, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight, robot: RobotModel
+        self, image: CameraImage, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight, robot: RobotDescription
     ) -> None:
         assert image.labels is not None
         self._image, self._phrases, self._sight, self._robot = image, phrases, eyesight, robot
@@ -301,13 +314,15 @@ class _SeenPicture:
 
     def _between_fingers(self, name: str) -> Judgement:
         """In a wrist picture: points of the thing between the fingers, at their tips."""
-        to_hand = matmul(self._robot.hand_to_camera, inverse(self._image.T_world_camera))
+        T_hand_camera, tcp_m = _seen_from_hand(self._robot, self._image.camera)
+        to_hand = matmul(T_hand_camera, inverse(self._image.T_world_camera))
         points = matmul(self._points, to_hand[:3, :3].T) + to_hand[:3, 3]  # (H, W, 3) in the hand frame
-        tip = np.abs(points - (0.0, 0.0, self._robot.tcp_m - 0.01))
+        tip = np.abs(points - (0.0, 0.0, tcp_m - 0.01))
         at_tips = (tip[..., 0] < self._sight.reach_m) & (tip[..., 2] < self._sight.reach_m)
-        beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > self._robot.tcp_m - 0.04)
+        beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > tcp_m - 0.04)
         fingers = points[self._mask(ROBOT) & at_tips & beyond_palm][:, 1]
-        low, high = -self._robot.hand.travel_m, self._robot.hand.travel_m
+        high = self._robot.opening_m / 2
+        low = -high
         if (fingers < 0).any() and (fingers > 0).any():
             low, high = float(np.percentile(fingers[fingers < 0], 98)), float(np.percentile(fingers[fingers > 0], 2))
         if high - low < self._sight.gap_m:

@@ -15,7 +15,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
-from mpvi_bt.ground.robot.protocol import SIDES, CameraImage, Proprioception
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.ground.robot.robots import robot_named
 
 # Our choice: the edges of masks and of steps in depth are off by a pixel or two.
@@ -174,9 +174,7 @@ def take(
 ) -> Frame:
     """A picture taken in: where the camera is follows from the joints alone."""
     base = kin.base(felt.base_pose)
-    side = next((s for s in SIDES if s == image.camera), None)
-    robot = robot_named(felt.robot)
-    camera = robot.head_camera(felt.torso) if side is None else robot.wrist_camera(felt.torso, felt.arm[side], side)
+    camera = robot_named(felt.robot).camera_poses(felt.torso, felt.arm)[image.camera]
     # Single pixels are noisy. What stands out from its neighbors by more than noise is an edge, or thin, and stays; a
     # hole stays a hole: nothing is known there.
     near = ndimage.median_filter(image.depth, 3)

@@ -22,7 +22,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.ground.geometry.solids import Array, bounds
 from mpvi_bt.ground.robot.collision import Surroundings
-from mpvi_bt.ground.robot.protocol import EMPTY_M, SIDES, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class Handling:
         elif name is not None and name in self._things and self._hands.felt is not None:
             thing = self._things[name]
             thing.views = []
-            dropped = hand != "both" and self._hands.felt.gripper_width[hand] <= EMPTY_M
+            dropped = hand != "both" and self._hands.felt.gripper_width[hand] <= self._hands.felt.grasp_m
             if not dropped:
                 self._fall(thing)
             self._history.put_down(hand, thing.phrase, self._things.shape(name).box(), dropped)

@@ -30,6 +30,7 @@ from mpvi_bt.ground.robot.robots import layout_of
 
 ActionKind = Literal["absolute", "delta", "velocity"]
 KINDS: tuple[ActionKind, ...] = get_args(ActionKind)
+_PRESSING_RAD = 0.4  # our choice: a command farther than this from where the arm is has been given up
 LEAST_HZ, MOST_HZ = 1.0, 1000.0  # Our choice: no policy acts once in more than a second, none is asked for more
 
 
@@ -189,6 +190,18 @@ def command_of(body: Proprioception) -> Array:
     for side in body.sides:
         action[layout.arm[side]] = body.arm_command.get(side, body.arm[side])
         action[layout.gripper[side]] = body.gripper_command[side]
+    return action
+
+
+def standing(body: Proprioception) -> Array:
+    """(A,) the command that has the robot stand as it is. An arm that presses against something goes on pressing.
+
+    Two hands hold a box by nothing else.
+    """
+    layout, action = layout_of(body), command_of(body)
+    for side in body.sides:
+        if np.abs(action[layout.arm[side]] - body.arm[side]).max() >= _PRESSING_RAD:
+            action[layout.arm[side]] = body.arm[side]
     return action
 
 

@@ -7,14 +7,14 @@ import numpy as np
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 _NEAR_M = 0.02  # Our choice: what is left aside is not worth two turns
 _STEER = 5.0  # [1/m] a base on two wheels turns by so much more as it would have to go sideways,
 _CREEP_M_S = 0.1  # and by less when it goes slower than this: standing, it has no way to steer
 
 
-def legs(robot: RobotModel, start: Array, goal: Array) -> list[Array]:
+def legs(robot: RobotDescription, start: Array, goal: Array) -> list[Array]:
     """Poses (3,) to go to `goal` by, one straight leg each.
 
     A base that cannot go sideways turns to face its way, or to have it behind, whichever is less turning in all.
@@ -30,7 +30,7 @@ def legs(robot: RobotModel, start: Array, goal: Array) -> list[Array]:
     return [np.array([*start[:2], yaw]), np.array([*goal[:2], yaw]), goal]
 
 
-def in_base_frame(robot: RobotModel, velocity_world: Array, yaw: float) -> Array:
+def in_base_frame(robot: RobotDescription, velocity_world: Array, yaw: float) -> Array:
     """(3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame of a velocity in the world, within the robot's speeds.
 
     A base that cannot go sideways steers toward where it should.

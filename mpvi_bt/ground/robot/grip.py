@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from mpvi_bt.ground.robot.protocol import EMPTY_M, Proprioception, Side
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
 
 _STEADY_M = 0.0005  # a width that changes by less than this in a step, so many steps in a row, is that of a thing held
 _STEADY_STEPS = 4
@@ -14,7 +14,7 @@ _STEADY_STEPS = 4
 class GripWatch:
     """Watches the fingers: both kinds of notice come as soon as they meet, once for each time that they do.
 
-    Our choice: a closed hand narrower than `EMPTY_M` is empty, at once; one that stays wider than it is told to be
+    Our choice: a closed hand narrower than its `grasp_m` is empty, at once; one that stays wider than it is told to be
     holds something, and has lost it when it gets about as narrow as told, which need not be shut: learned policies
     seldom say -1. Waiting for the arm to come to rest, as completion does, would cost seconds.
 
@@ -61,7 +61,7 @@ class GripWatch:
 
 def _narrowest_m(felt: Proprioception, side: Side) -> float:
     """The gripper width [m] above which a payload keeps the fingers from their commanded place."""
-    return (felt.gripper_command[side] + 1.0) * (felt.open_m / 2) + EMPTY_M
+    return (felt.gripper_command[side] + 1.0) * (felt.open_m / 2) + felt.grasp_m
 
 
 def _stopped(felt: Proprioception, side: Side) -> bool:
@@ -70,4 +70,4 @@ def _stopped(felt: Proprioception, side: Side) -> bool:
 
 
 def _shut(felt: Proprioception, side: Side) -> bool:
-    return felt.gripper_command[side] < 0 and felt.gripper_width[side] <= EMPTY_M
+    return felt.gripper_command[side] < 0 and felt.gripper_width[side] <= felt.grasp_m

@@ -23,7 +23,7 @@ from mpvi_bt.ground.robot.arms import Arm
 from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.hand import Hand
 from mpvi_bt.ground.robot.mobile_base import MobileBase
-from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.ground.robot.protocol import EMPTY_M, SIDES, Side
 from mpvi_bt.ground.robot.trunk import LiftTrunk, Trunk
 
 SIGN: Mapping[Side, int] = {"left": 1, "right": -1}
@@ -201,6 +201,11 @@ class RobotModel:
     def opening_m(self) -> float:
         """Between the fingers of a hand that is fully open."""
         return self.hand.opening_m
+
+    @property
+    def grasp_m(self) -> float:
+        """Fingers that are held apart by more than this hold something [m]."""
+        return EMPTY_M
 
     @property
     def sides(self) -> tuple[Side, ...]:

@@ -15,17 +15,17 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.rotations import angle, between, matrices, quaternion
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
+from mpvi_bt.ground.robot.action_rows import standing
 from mpvi_bt.ground.robot.collision import Body
 from mpvi_bt.ground.robot.drives import in_base_frame, legs
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, Side
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.ground.robot.squeeze import squeezes
 from mpvi_bt.ground.robot.timing import schedule, timed
 
 Actions = Iterator[Array]
 
 # All our choice.
-_PRESSING_RAD = 0.4  # a command farther than this from where the arm is has been given up
 _LEAP_RAD = 0.4  # between neighbors 1 cm apart on a line: another elbow, not the next step
 _HAND = np.array([[1.0, 1.0], [1.5, 4.0]])  # of a hand on a line: acceleration [m/s^2], turning [rad/s, rad/s^2]
 _GENTLY = 0.35  # of the accelerations, for what holds something
@@ -90,16 +90,9 @@ class Motion:
 
     def __init__(self, felt: Proprioception) -> None:
         """Start from a robot as it stands."""
-        self.felt, self.robot, self.bumps = felt, robot_named(felt.robot), list[Solid]()
+        self.felt, self.robot, self.bumps = felt, model_named(felt.robot), list[Solid]()
         self.layout = self.robot.layout
-        self.action = np.zeros(self.layout.size)
-        self.action[self.layout.torso] = felt.torso
-        for s in felt.sides:
-            told = felt.arm_command.get(s, felt.arm[s])
-            # An arm that presses against something goes on pressing: two hands hold a box by nothing else.
-            pressing = np.abs(told - felt.arm[s]).max() < _PRESSING_RAD
-            self.action[self.layout.arm[s]] = told if pressing else felt.arm[s]
-            self.action[self.layout.gripper[s]] = felt.gripper_command[s]
+        self.action = standing(felt)
 
     @property
     def torso(self) -> Array:

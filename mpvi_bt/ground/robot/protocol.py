@@ -42,6 +42,7 @@ class Proprioception:
         gripper_velocity: How fast each hand opens [m/s]; empty where it is not felt.
         robot: What robot it is, by name.
         open_m: Between the fingers of a hand that is fully open.
+        grasp_m: Fingers that are held apart by more than this hold something.
     """
 
     base_pose: Array
@@ -56,6 +57,7 @@ class Proprioception:
     gripper_velocity: Mapping[Side, float] = field(default_factory=dict)
     robot: str = DEFAULT_ROBOT
     open_m: float = 0.10
+    grasp_m: float = EMPTY_M
 
     def __post_init__(self) -> None:
         """A torso whose velocity is not told stands still."""
@@ -70,12 +72,12 @@ class Proprioception:
     def holds(self, side: Side) -> bool:
         """Whether a hand that was told to close has something between its fingers: it is wider than it was told to be.
 
-        Our choice: by over 3 mm. A hand that opens just enough to let go of a thin thing is told to be half closed.
+        By over `grasp_m`: a hand that opens just enough to let go of a thin thing is told to be half closed.
         """
         if side not in self.arm:
             return False
         told_m = (self.gripper_command[side] + 1) / 2 * self.open_m
-        return self.gripper_command[side] < 0 and self.gripper_width[side] > told_m + EMPTY_M
+        return self.gripper_command[side] < 0 and self.gripper_width[side] > told_m + self.grasp_m
 
 
 @dataclass(frozen=True, eq=False)

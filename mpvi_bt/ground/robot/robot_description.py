@@ -100,6 +100,11 @@ class RobotDescription(Protocol):
         ...
 
     @property
+    def grasp_m(self) -> float:
+        """Fingers that are held apart by more than this hold something [m]."""
+        ...
+
+    @property
     def travel_torso(self) -> Array:
         """(T,) joints to drive in, and to begin with."""
         ...

@@ -6,10 +6,11 @@ import importlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from mpvi_bt.ground.errors import UnknownName
+from mpvi_bt.ground.errors import NoModel, UnknownName
 from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,14 @@ _HOMES = {
 }
 
 
-class Robots(Mapping[str, RobotModel]):
+class Robots(Mapping[str, RobotDescription]):
     """Robots by name."""
 
     def __init__(self, homes: Mapping[str, Home]) -> None:
         """Take `homes`: where each robot is loaded from."""
-        self._homes, self._loaded = homes, dict[str, RobotModel]()
+        self._homes, self._loaded = homes, dict[str, RobotDescription]()
 
-    def __getitem__(self, name: str) -> RobotModel:
+    def __getitem__(self, name: str) -> RobotDescription:
         if name not in self._loaded:
             module, attribute = self._homes[name].model.split(":")
             self._loaded[name] = getattr(importlib.import_module(module), attribute)
@@ -58,11 +59,25 @@ class Robots(Mapping[str, RobotModel]):
 ROBOTS = Robots(_HOMES)
 
 
-def robot_named(name: str) -> RobotModel:
+def robot_named(name: str) -> RobotDescription:
     """The robot of that name. Raises UnknownName if there is none."""
     if name not in ROBOTS:
         raise UnknownName("robot", name, ROBOTS)
     return ROBOTS[name]
+
+
+def model_named(name: str) -> RobotModel:
+    """The closed-form model of a robot, which the skills that ship and our house need.
+
+    Raises:
+        UnknownName: There is no such robot.
+        NoModel: It is known by its file alone.
+    """
+    robot = robot_named(name)
+    if not isinstance(robot, RobotModel):
+        able = ", ".join(known for known, other in ROBOTS.items() if isinstance(other, RobotModel))
+        raise NoModel(f"the robot {name} is known by its file alone; skills that ship and our house have {able}")
+    return robot
 
 
 def layout_of(body: Proprioception) -> ActionLayout:

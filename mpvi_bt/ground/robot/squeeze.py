@@ -27,8 +27,8 @@ def squeezes(felt: Proprioception) -> bool:
         return False
     robot = robot_named(felt.robot)
     turned = sum(float(np.abs(felt.arm[s] - felt.arm_command[s]).sum()) for s in SIDES)
-    if turned * robot.arms["left"].reach_m <= _PRESSED_M:  # no hand can be as far as that from where it was told to be
-        return False
+    if isinstance(robot, RobotModel) and turned * robot.arms["left"].reach_m <= _PRESSED_M:
+        return False  # no hand can be as far as that from where it was told to be
     left, right = (robot.tcp(felt.torso, felt.arm[s], s) for s in SIDES)
     across = right[:3, 3] - left[:3, 3]
     across /= max(float(norm(across)), 1e-9)

@@ -18,7 +18,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import NO_SKILL
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, SIDES, CameraImage, Proprioception, Side
-from mpvi_bt.ground.robot.robots import layout_of, robot_named
+from mpvi_bt.ground.robot.robots import layout_of, model_named
 from mpvi_bt.hands.learned.acting import CHUNK, ahead, chunk, propose, rebased, there
 from mpvi_bt.hands.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
 from mpvi_bt.hands.learned.learned_hand import LearnedHand
@@ -164,7 +164,7 @@ class LearnedPolicy:
                 return
 
     def _looked(self, memory: PointMemory, motion: LearnedMotion) -> bool:
-        felt, robot = self._felt, robot_named(self._felt.robot)
+        felt, robot = self._felt, model_named(self._felt.robot)
         T_world_base = kin.base(felt.base_pose)
         holding = [side for side in felt.sides if felt.holds(side) and not motion.opens]
         carried = [matmul(T_world_base, robot.tcp(felt.torso, felt.arm[s], s))[:3, 3] for s in holding]

@@ -14,8 +14,12 @@ from mpvi_bt.executive.plan.skills import Skill, SkillCall
 from mpvi_bt.finding.scene.scene import Scene
 from mpvi_bt.ground.errors import shown
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.protocols import NO_SKILL
+from mpvi_bt.ground.robot.action_rows import standing
+from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.motion import GRIP, Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception, Side
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.motion.carry import back_off, come_out, settle, step_back, tuck
 from mpvi_bt.hands.motion.follow import around, draw_off
 from mpvi_bt.hands.motion.gaze import look_at
@@ -101,6 +105,9 @@ class ScriptedPolicy:
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """The next action as a chunk of one, (1, 23)."""
         felt: Proprioception = observation["proprioception"]
+        if not isinstance(robot_named(felt.robot), RobotModel):
+            self.note, self.ended, self.gave_up = f"{NO_SKILL}: none here moves the robot {felt.robot}", True, True
+            return standing(felt)[None]
         if observation["prompt"] != self._prompt or self._work is None:
             self._prompt = str(observation["prompt"])
             self._calls += 1

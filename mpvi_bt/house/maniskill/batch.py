@@ -18,7 +18,7 @@ from mani_skill.envs.scene import ManiSkillScene
 from mani_skill.utils.structs import Actor, Articulation
 from numpy.typing import NDArray
 
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.house.instances.instances import begin, expanded_problem, settled
 from mpvi_bt.house.instances.sampling import Start
 from mpvi_bt.house.instances.splits import Split
@@ -192,7 +192,7 @@ def begun(task: str, instance: int, split: Split, robot: str = "r1") -> Begun:
     problem = expanded_problem(known, house)
     world, start = begin(known, house, load_catalogue(), problem, instance, split, render=False)
     if robot != world.robot.model.name:
-        world, _ = settled(house, start, render=False, robot=robot_named(robot))
+        world, _ = settled(house, start, render=False, robot=model_named(robot))
     saved = world.save()
     names = [joint.name for joint in world.robot.articulation.active_joints]
     return Begun(start, {**saved, "joints": dict(zip(names, saved["robot"]["q"], strict=True))})
@@ -200,7 +200,7 @@ def begun(task: str, instance: int, split: Split, robot: str = "r1") -> Begun:
 
 def twin(house: House, began: Begun, robot: str) -> Twin:
     """A house that stands as an instance begins."""
-    made = Twin(house, began.start.objects, began.start.base_pose, render=False, robot=robot_named(robot))
+    made = Twin(house, began.start.objects, began.start.base_pose, render=False, robot=model_named(robot))
     made.restore(began.saved)
     made.refresh()
     return made

@@ -27,7 +27,7 @@ from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.human import Human, human_stats
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.robots import model_named, robot_named
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.instances.instances import begin, expanded_problem
@@ -157,7 +157,7 @@ def _rollout(
     listener.said(f"{session.task}, instance {instance}: setting up")
     if session.dialect == "behavior-2025":
         server.reset()
-    robot = robot_named(session.robot)
+    robot = model_named(session.robot)
     world, start = begin(task, house, catalogue, problem, instance, assisted=session.assisted, robot=robot)
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
