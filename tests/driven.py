@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from websockets.sync.client import ClientConnection
 
-from mpvi_bt.executive.remote import behavior_layout
-from mpvi_bt.executive.remote.behavior import Behavior
 from mpvi_bt.executive.remote.codec import pack, unpack
 from mpvi_bt.executive.remote.own_keys import OwnKeys
 from mpvi_bt.executive.remote.reading import CHUNK
@@ -21,6 +19,8 @@ from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import travel_action
 from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.hands.behavior_robot import behavior_layout
+from mpvi_bt.hands.behavior_robot.behavior import Behavior
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.serving.served import ServedWork, executive_server

@@ -35,7 +35,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("trace", "ticking"),
     ),
     "finding": (("perception", "shapes"), ("scene",), ("navigation",)),
-    "hands": (("robots", "stance"), ("motion", "learned"), ("skills",), ("policies",)),
+    "hands": (("robots", "behavior_robot", "stance"), ("motion", "learned"), ("skills",), ("policies",)),
     "house": (("states",), ("goals",), ("things", "truth"), ("layout",), ("sim",), ("instances",), ("maniskill",)),
     "runs": (
         ("recording", "disturbances"),

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.executive.remote.behavior_layout import (
+from mpvi_bt.ground.errors import BadMessage
+from mpvi_bt.ground.geometry import kinematics as kin
+from mpvi_bt.ground.robot.protocol import SIDES
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.hands.behavior_robot.behavior_layout import (
     BASE_UNITS,
     DIALECTS,
     FIELDS,
@@ -24,10 +28,6 @@ from mpvi_bt.executive.remote.behavior_layout import (
     pose_in_world,
     velocity_of_base,
 )
-from mpvi_bt.ground.errors import BadMessage
-from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.robot.protocol import SIDES
-from mpvi_bt.ground.robot.robots import robot_named
 from tests.layouts import ACTION_SIZE
 from tests.numbered_body import numbered_body
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mpvi_bt.apps.cli.group import run
-from mpvi_bt.executive.remote.behavior_layout import FIELDS
 from mpvi_bt.ground.errors import UserError
+from mpvi_bt.hands.behavior_robot.behavior_layout import FIELDS
 from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, read_demonstration
 from mpvi_bt.runs.datasets.lerobot import DatasetForm, write_dataset
 from tests.demonstrating import held, recorded, told

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.executive.remote.retargeting import as_r1pro, from_r1pro
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
+from mpvi_bt.hands.behavior_robot.retargeting import as_r1pro, from_r1pro
 from mpvi_bt.hands.robots.fetch import FETCH
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1pro import R1PRO

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect
 
-from mpvi_bt.executive.remote.behavior import NAMES
 from mpvi_bt.executive.remote.codec import pack, unpack
 from mpvi_bt.executive.remote.odometry import moved
 from mpvi_bt.executive.remote.reading import CHUNK
 from mpvi_bt.executive.trace.read import read_trace
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.kinematics import rot_z, wrap
+from mpvi_bt.hands.behavior_robot.behavior import NAMES
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from tests.driven import DIALECTS, Driver, driving
 from tests.layouts import BASE, LAYOUT

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from mpvi_bt.executive.remote.behavior_layout import ACTION_SIZE, SIZE, BaseVelocity, Dialect
 from mpvi_bt.executive.remote.dataset_rate import dataset_rate
+from mpvi_bt.executive.remote.joint_dialects import BaseVelocity, Dialect, joint_dialect
 from mpvi_bt.executive.remote.prompts import check_prompts
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UserError, shown
@@ -150,13 +150,12 @@ def _places(pieces: tuple[PartPlace, ...]) -> Iterator[tuple[int, str]]:
 
 
 class Vector(Record):
-    """Numbers that go under one key: parts of ours, or BEHAVIOR's of its R1Pro.
+    """Numbers that go under one key: parts of ours, or those of a dialect's robot.
 
     Attributes:
         parts: What is in it; the rest is 0.
-        dialect: Whose numbers it has in place of parts: 256 in 2025, 61 in 2026 (`behavior_layout`).
-        base_velocity: Of a dialect: the frame of the base's velocity, as `behavior_layout.encoded` takes it; None: as
-            the evaluator of that year.
+        dialect: Whose numbers it has in place of parts.
+        base_velocity: Of a dialect: the frame of the base's velocity; None: as the evaluator of that year.
         size: How many numbers; by default as many as the parts need, or the dialect has.
         dtype: Of the array.
     """
@@ -175,8 +174,8 @@ class Vector(Record):
             )
         if self.dialect is None and self.base_velocity is not None:
             raise ValueError("'base_velocity' is of a dialect; a part has the name base_velocity, too")
-        if self.dialect is not None and self.size not in (None, SIZE[self.dialect]):
-            raise ValueError(f"{self.dialect} has {SIZE[self.dialect]} numbers, not {self.size}")
+        if self.dialect is not None and self.size not in (None, size := joint_dialect(self.dialect).state_size):
+            raise ValueError(f"{self.dialect} has {size} numbers, not {self.size}")
         _check_places(self.parts or (), self.size)
         return self
 
@@ -184,7 +183,7 @@ class Vector(Record):
     def length(self) -> int:
         """How many numbers."""
         if self.dialect is not None:
-            return SIZE[self.dialect]
+            return joint_dialect(self.dialect).state_size
         return self.size or 1 + max(i for piece in self.parts or () for i in piece.indices)
 
 
@@ -269,8 +268,11 @@ class Action(Record):
 
     @model_validator(mode="after")
     def _fits(self) -> Action:
-        if self.dialect is not None and (self.parts or self.size not in (None, ACTION_SIZE)):
-            raise ValueError(f"{self.dialect} says what all of its {ACTION_SIZE} numbers are: no 'parts' beside it")
+        if self.dialect is not None and (
+            self.parts or self.size not in (None, joint_dialect(self.dialect).action_size)
+        ):
+            size = joint_dialect(self.dialect).action_size
+            raise ValueError(f"{self.dialect} says what all of its {size} numbers are: no 'parts' beside it")
         ours = robot_named(DEFAULT_ROBOT).layout.size if self.parts or self.size else None
         if not self.parts and self.size not in (None, ours):
             raise ValueError(f"{self.size} numbers are not ours, which are {ours}: say in 'parts' what they are")
@@ -283,7 +285,7 @@ class Action(Record):
     @property
     def told_size(self) -> int | None:
         """How many numbers the server answers; None: as many as the robot's own action has."""
-        return ACTION_SIZE if self.dialect is not None else self.size
+        return self.size if self.dialect is None else joint_dialect(self.dialect).action_size
 
 
 class DialectSettings(Record):

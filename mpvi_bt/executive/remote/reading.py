@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mpvi_bt.executive.remote.behavior_layout import SIZE
+from mpvi_bt.executive.remote.joint_dialects import DIALECTS, joint_dialect
 from mpvi_bt.executive.remote.observation import Vocabulary
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
 from mpvi_bt.ground.errors import BadMessage, shown
@@ -82,5 +82,6 @@ def spoken(message: Mapping[str, Any]) -> str:
         return "openpi"
     for key, value in message.items():
         if isinstance(key, str) and key.endswith("::proprio") and isinstance(value, np.ndarray):
-            return next((name for name, size in SIZE.items() if value.shape[-1:] == (size,)), "")
+            size = value.shape[-1:]
+            return next((name for name in DIALECTS if size == (joint_dialect(name).state_size,)), "")
     return ""

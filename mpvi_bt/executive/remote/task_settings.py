@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mpvi_bt.executive.remote.behavior_layout import BODY
 from mpvi_bt.executive.remote.dialect_settings import Constant, DialectSettings
+from mpvi_bt.executive.remote.joint_dialects import joint_dialect
 from mpvi_bt.executive.remote.prompts import prompt_of
 from mpvi_bt.ground.errors import UserError, shown
 from mpvi_bt.ground.robot.robot_description import RobotDescription
@@ -61,9 +61,9 @@ def unfit(settings: DialectSettings, robot: RobotDescription) -> str:
     """The first part of the settings that the robot lacks, or ""."""
     observation, action = settings.observation, settings.action
     vectors = list(observation.state.values()) if observation is not None else []
-    of_behavior = action.dialect is not None or any(vector.dialect is not None for vector in vectors)
-    if of_behavior and robot.name != BODY:
-        return f"have the numbers of BEHAVIOR's R1Pro, and the robot is the {robot.name}"
+    for name in [action.dialect, *(vector.dialect for vector in vectors)]:
+        if name is not None and robot.name != (due := joint_dialect(name)).robot:
+            return f"have the numbers of {due.title}, and the robot is the {robot.name}"
     pieces = [piece.part for vector in vectors for piece in vector.parts or ()]
     pieces += [piece.part for piece in action.parts]
     for part in pieces:

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.executive.remote.behavior_layout import action_from, camera_poses, encoded
 from mpvi_bt.executive.remote.dialect_settings import Action, Felt, Image, Observation, PartPlace, Vector
-from mpvi_bt.executive.remote.retargeting import from_r1pro
+from mpvi_bt.executive.remote.joint_dialects import camera_numbers, joint_dialect
 from mpvi_bt.ground.errors import PolicyError, shown, with_article
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_layout import ActionLayout
@@ -38,7 +37,7 @@ def message_of(observation: Mapping[str, Any], layout: Observation) -> dict[str,
     flat |= {key: state(body, vector) for key, vector in layout.state.items()}
     if layout.camera_poses:
         poses = robot_named(body.robot).camera_poses(body.torso, body.arm)
-        flat[layout.camera_poses] = camera_poses(poses).astype(np.float32)
+        flat[layout.camera_poses] = camera_numbers(poses).astype(np.float32)
     for key, constant in layout.constants.items():
         flat[key] = np.array(constant) if isinstance(constant, tuple) else constant
     message: dict[str, Any] = {}
@@ -132,7 +131,7 @@ def _taps(old: int, new: int) -> list[tuple[NDArray[np.intp], NDArray[np.float32
 def state(body: Proprioception, layout: Vector) -> np.ndarray[Any, Any]:
     """(length,) the numbers of a state vector."""
     if layout.dialect is not None:
-        return encoded(body, layout.dialect, layout.base_velocity).astype(layout.dtype)
+        return joint_dialect(layout.dialect).encoded(body, layout.base_velocity).astype(layout.dtype)
     numbers = np.zeros(layout.length)
     for piece in layout.parts or ():
         values = (felt(body, piece.part) - np.array(piece.offset)) / np.array(piece.scale)
@@ -180,7 +179,7 @@ def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioce
     robot = layout_of(held)
     theirs = _checked(given, layout.key, layout.told_size or robot.size)
     if layout.dialect is not None:
-        return from_r1pro(action_from(theirs), felt or held)
+        return joint_dialect(layout.dialect).actions(theirs, felt or held)
     if not layout.parts:
         return theirs
     ours = np.tile(command_of(held), (len(theirs), 1))

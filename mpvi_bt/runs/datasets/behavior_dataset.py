@@ -15,11 +15,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.executive.remote.behavior_layout import ACTION_SIZE, FIELDS, SIZE, action_for, camera_poses, encoded
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.hands.behavior_robot.behavior_layout import (
+    ACTION_SIZE,
+    BODY,
+    FIELDS,
+    SIZE,
+    TYPE,
+    action_for,
+    camera_poses,
+    encoded,
+)
 from mpvi_bt.runs.datasets.columns import Feature, vector
 from mpvi_bt.runs.datasets.demonstrations import Demonstrated
 from mpvi_bt.runs.datasets.layouts import V21, DatasetEpisode, prompts
@@ -37,7 +46,7 @@ class BehaviorContent:
             states, or "world", as its evaluator tells it.
     """
 
-    robot_type: str = "R1Pro"
+    robot_type: str = TYPE
     channels: str = "rgb"
     time: Literal["float32", "float64"] = "float64"
     _CAMERAS: Mapping[str, str] = {"head": "head", "left": "left_wrist", "right": "right_wrist"}
@@ -61,9 +70,9 @@ class BehaviorContent:
     def check(self, episode: Demonstrated) -> None:
         """Raise UserError if robot, rate or recorded data do not fit BEHAVIOR's layout."""
         where, about = episode.folder, episode.about
-        if (robot := about.config.robot) != "r1pro":
+        if (robot := about.config.robot) != BODY:
             raise UserError(
-                f"{where}: robot {robot}; BEHAVIOR's numbers are an R1Pro's joints: record with --robot r1pro"
+                f"{where}: robot {robot}; BEHAVIOR's numbers are an {TYPE}'s joints: record with --robot {BODY}"
             )
         if about.version < 2:
             raise UserError(
@@ -76,7 +85,7 @@ class BehaviorContent:
             raise UserError(f"{where}: no pictures of {', '.join(sorted(missing))}; BEHAVIOR has head, left and right")
 
     def columns(self, episode: Demonstrated) -> dict[str, NDArray[Any]]:
-        """The episode's data as an R1Pro of BEHAVIOR reports it; the first base pose is the origin."""
+        """The episode's data as BEHAVIOR's robot reports it; the first base pose is the origin."""
         frames = {key: array.astype(float) for key, array in episode.frames.items() if array.dtype.kind == "f"}
         state, pose, velocity = (frames[key] for key in ("state", "base_pose", "arm_velocity"))
         robot, steps = episode.about.config.robot, range(episode.about.frames)

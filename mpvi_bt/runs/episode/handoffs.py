@@ -11,6 +11,7 @@ import numpy as np
 from mpvi_bt.executive.monitors.calibration import Run
 from mpvi_bt.executive.monitors.signals import SIGNALS
 from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
 from mpvi_bt.runs.choices.backends import name_of
 from mpvi_bt.runs.episode.result import read_result
 
@@ -71,7 +72,7 @@ def read_handoffs(folder: Path) -> Handoffs:
         results += 1
         if result.handoffs is None:
             continue
-        policy, robot = name_of(str(result.config["policy"])), str(result.config.get("robot", "r1"))
+        policy, robot = name_of(str(result.config["policy"])), str(result.config.get("robot", DEFAULT_ROBOT))
         whose.setdefault((policy, robot), path)
         for handoff in result.handoffs:
             samples = np.array(handoff["samples"], float).reshape(-1, _COLUMNS)

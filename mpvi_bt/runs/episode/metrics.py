@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry import kinematics
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.marked_yaml import Amount, Count
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT, SIDES, Side
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.episode.way import Place, thinned
 
@@ -84,7 +84,7 @@ class Meter(Watcher):
         self._earlier = earlier
         self._steps = 0
         self._felt: list[Array] = []
-        self._robot = "r1"
+        self._robot = DEFAULT_ROBOT
 
     def start(self, tree: Tree, world: World) -> None:
         """Begin anew from where the robot is."""

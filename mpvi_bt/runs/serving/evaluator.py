@@ -15,8 +15,6 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from mpvi_bt.executive.remote import behavior_layout
-from mpvi_bt.executive.remote.behavior import Behavior
 from mpvi_bt.executive.remote.codec import MAX_BYTES, pack
 from mpvi_bt.executive.remote.connection import Connection, Lost, health
 from mpvi_bt.executive.remote.openpi import url_of
@@ -28,6 +26,8 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.human import Human, human_stats
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.ground.robot.robots import model_named, robot_named
+from mpvi_bt.hands.behavior_robot import behavior_layout
+from mpvi_bt.hands.behavior_robot.behavior import Behavior
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.instances.instances import begin, expanded_problem
@@ -75,7 +75,7 @@ class Evaluation:
     dialect: DialectName
     task: str
     instances: tuple[int, ...] = (0,)
-    robot: str = "r1pro"
+    robot: str = behavior_layout.BODY
     batched: bool = False
     chunk: int | None = None
     labels: bool = False

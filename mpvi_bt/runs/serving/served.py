@@ -10,7 +10,6 @@ from typing import Any
 
 from mpvi_bt.executive.plan.planners import RecordedPlanner
 from mpvi_bt.executive.plan.skills import load_skills
-from mpvi_bt.executive.remote.behavior import Behavior
 from mpvi_bt.executive.remote.driven import DrivenSession
 from mpvi_bt.executive.remote.own_keys import OwnKeys
 from mpvi_bt.executive.remote.reading import Dialect, Reading
@@ -24,6 +23,8 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BadMessage, NodeError, UserError, nearest, shown
 from mpvi_bt.ground.human import task_of_id
 from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.hands.behavior_robot.behavior import Behavior
+from mpvi_bt.hands.behavior_robot.behavior_layout import BODY, TYPE
 from mpvi_bt.runs.choices.backends import NOBODY, choose, privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
@@ -104,8 +105,8 @@ def check_work(work: ServedWork, say: Callable[[str], None]) -> None:
 
 def check_robot(dialect: str, robot: str) -> None:
     """Raise UserError if a dialect has no numbers for a robot."""
-    if dialect != OwnKeys.name and robot != "r1pro":
-        raise UserError(f"{dialect} is of BEHAVIOR's R1Pro, not of the {robot}: choose --robot r1pro.")
+    if dialect != OwnKeys.name and robot != BODY:
+        raise UserError(f"{dialect} is of BEHAVIOR's {TYPE}, not of the {robot}: choose --robot {BODY}.")
 
 
 def play(work: ServedWork, first: Reading, world: RemoteWorld, number: int, say: Callable[[str], None]) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.executive.remote import behavior_layout as layout
+from mpvi_bt.executive.remote.joint_dialects import Dialect
 from mpvi_bt.executive.remote.observation import Vocabulary, read_names, read_vocabulary
 from mpvi_bt.executive.remote.reading import CHUNK, Reading, chunk_of, spoken
 from mpvi_bt.ground.errors import BadMessage, shown
@@ -21,6 +21,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.camera import Camera
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.hands.behavior_robot import behavior_layout as layout
 
 ROBOT = "robot_r1"  # what evaluators call the robot
 LINKS: Mapping[str, str] = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}
@@ -43,8 +44,8 @@ class Behavior:
         name: Which.
     """
 
-    def __init__(self, name: layout.Dialect) -> None:
-        self.name: layout.Dialect = name
+    def __init__(self, name: Dialect) -> None:
+        self.name: Dialect = name
 
     def read(self, message: Mapping[str, Any], robot: RobotDescription) -> Reading:
         """What an observation says. Raises BadMessage."""

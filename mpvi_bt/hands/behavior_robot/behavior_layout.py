@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
-from typing import Literal, get_args
 
 import numpy as np
 
-from mpvi_bt.executive.remote.retargeting import as_r1pro
+from mpvi_bt.executive.remote.joint_dialects import DIALECTS, BaseVelocity, Dialect
 from mpvi_bt.ground.errors import BadMessage
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
@@ -22,12 +21,11 @@ from mpvi_bt.ground.geometry.rotations import matrices, rotation
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.hands.behavior_robot.retargeting import as_r1pro
 
-Dialect = Literal["behavior-2025", "behavior-2026"]
-DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
-BaseVelocity = Literal["world", "robot", "zero"]
 BASE_UNITS = np.array([0.75, 0.75, 1.0])  # [m/s, m/s, rad/s] of a base input of 1 (BEHAVIOR's r1pro.yaml)
 BODY = "r1pro"  # the robot whose numbers these are
+TYPE = "R1Pro"  # what BEHAVIOR calls it
 ACTION_SIZE = 23  # numbers of its action
 _BASE = slice(0, 3)  # of those
 CAMERAS = ("left", "right", "head")  # order of `cam_rel_poses`
