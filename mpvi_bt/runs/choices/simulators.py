@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.extras import install
+from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.runs.choices.config import EpisodeConfig
 
@@ -23,8 +24,8 @@ def check_simulator_choice(config: EpisodeConfig) -> None:
     if config.sim == "maniskill" and importlib.util.find_spec("mani_skill") is None:
         raise UserError(f"--sim maniskill needs ManiSkill, which is not installed: {install('maniskill')}")
     robot = robot_named(config.robot)
-    if config.sim != "sapien" and robot.name != "r1":
-        raise UserError(f"--robot {config.robot}: --sim {config.sim} runs trees with the r1 only.")
+    if config.sim != "sapien" and robot.name != DEFAULT_ROBOT:
+        raise UserError(f"--robot {config.robot}: --sim {config.sim} runs trees with the {DEFAULT_ROBOT} only.")
     if len(robot.sides) < 2 and config.demonstration is not None:
         able = " and ".join(name for name, known in ROBOTS.items() if len(known.sides) == 2)
         raise UserError(f"--robot {config.robot}: --demonstration records with {able} only.")

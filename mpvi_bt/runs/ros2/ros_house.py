@@ -28,8 +28,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from mpvi_bt.executive.ticking.goal_report import GoalReport
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT
+from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.instances.instances import begin, expanded_problem
@@ -69,7 +69,7 @@ class HouseSession:
 
     task: str
     instance: int = 0
-    robot: str = "r1"
+    robot: str = DEFAULT_ROBOT
     bridge: str = "house"
     assisted: bool = False
     wait_s: float = 60.0
@@ -106,7 +106,7 @@ def play(session: HouseSession, say: Callable[[str], None], stop: Callable[[], b
     """
     task = load_task(session.task)
     task.check_instance(session.instance)
-    robot = robot_named(session.robot)
+    robot = model_named(session.robot)
     bridge = load_bridge(session.bridge, robot)
     check_mirrored(bridge)
     house, catalogue = load_house(task.house), load_catalogue()
