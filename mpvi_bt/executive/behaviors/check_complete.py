@@ -15,6 +15,7 @@ from mpvi_bt.executive.behaviors.saved_state import count
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.protocols import Judgement, TriggerEvent
 from mpvi_bt.ground.robot.protocol import CameraImage, other
+from mpvi_bt.ground.robot.robots import robot_named
 
 
 class CheckComplete(Leaf):
@@ -118,7 +119,8 @@ class CheckComplete(Leaf):
         wanted = self._cameras.get(event.kind)
         if event.side is None or wanted not in ("hand", "other_hand"):
             return "head"
-        return event.side if wanted == "hand" else other(event.side)
+        camera = event.side if wanted == "hand" else other(event.side)
+        return camera if camera in robot_named(self.context.robot.proprioception().robot).cameras else "head"
 
     def _ask(self, event: TriggerEvent) -> None:
         context, checker = self.context, self.context.checker

@@ -12,7 +12,7 @@ from mpvi_bt.executive.behaviors.node import Leaf
 from mpvi_bt.executive.behaviors.saved_state import number
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.ground.robot.robots import layout_of, robot_named
-from mpvi_bt.ground.robot.stow import ArmStow
+from mpvi_bt.ground.robot.stow import stow_of
 
 # All our choice: slow enough that what a hand holds by friction stays there.
 _TURN_RAD_S = 0.8
@@ -41,7 +41,7 @@ class Posture(Leaf):
     def initialise(self) -> None:
         """Start moving."""
         super().initialise()
-        self._stow = ArmStow(self.context.robot)
+        self._stow = stow_of(self.context.robot)
         self._stow.start()
         self.feedback_message = "folding the arms"
 

@@ -12,10 +12,12 @@ from mpvi_bt.ground.geometry.kinematics import rot_z
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot import arm_motion
-from mpvi_bt.ground.robot.model import SIGN
+from mpvi_bt.ground.robot.model import SIGN, RobotModel
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import Robot, Side
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.squeeze import squeezes
+from mpvi_bt.ground.robot.straight_fold import StraightFold
 
 # All our choice.
 _CLOSE_RAD = 0.05  # an arm so near to its posture is in it
@@ -111,6 +113,17 @@ class ArmStow:
         for side in out:
             yield from _bring_in(motion, side)
         yield from motion.stand(robot.travel_torso, _level(motion, held))
+
+
+def stow_of(robot: Robot, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> ArmStow | StraightFold:
+    """What folds a robot's arms: around itself where its model tells how, straight where only a file describes it.
+
+    Args:
+        robot: What to fold.
+        seed, carries: As of `ArmStow`.
+    """
+    planned = isinstance(robot_named(robot.proprioception().robot), RobotModel)
+    return ArmStow(robot, seed, carries) if planned else StraightFold(robot)
 
 
 def _draw_back(motion: Motion, by_m: float, turns: Sequence[float] = (0.0,)) -> Actions:

@@ -18,7 +18,7 @@ from mpvi_bt.finding.scene.occupancy import Occupancy
 from mpvi_bt.finding.scene.visibility import VisibilityMap
 from mpvi_bt.ground.protocols import Navigator
 from mpvi_bt.ground.robot.robots import robot_named
-from mpvi_bt.ground.robot.stow import ArmStow
+from mpvi_bt.ground.robot.stow import stow_of
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.layout.prior_map import knowledge as prior_knowledge
 from mpvi_bt.house.layout.prior_map import prior_map
@@ -41,7 +41,7 @@ def make_navigator(
     """
     if chosen == "oracle":
         doors = OpenDoors(prior_map(house), world)
-        stow = ArmStow(world.robot, seed, lambda side: world.holding(side) is not None)
+        stow = stow_of(world.robot, seed, lambda side: world.holding(side) is not None)
         return KnownPlaceNavigator(world.robot, doors, world.knowledge, stow)
     return explorer(world, house, phrases, detector, map_, seed)
 
@@ -100,4 +100,4 @@ def explorer(
         return [(float(u), float(v), float(r)) for u, v, r in [(x, y, own_m), *own]]
 
     mapper = CameraMapper(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
-    return ExploringNavigator(robot, base, mapper, ArmStow(robot, seed))
+    return ExploringNavigator(robot, base, mapper, stow_of(robot, seed))

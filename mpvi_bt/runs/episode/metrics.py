@@ -67,9 +67,6 @@ class Measurement:
         )
 
 
-_NO_ARM = np.zeros(7)
-
-
 class Meter(Watcher):
     """Notes what the robot feels at every step, and adds distances up when asked.
 
@@ -98,19 +95,18 @@ class Meter(Watcher):
     def note(self, world: World) -> None:
         """Note where base and joints are, whoever drives."""
         felt = world.robot.proprioception()
-        arms = (felt.arm.get(side, _NO_ARM) for side in SIDES)
-        self._felt.append(np.concatenate([felt.base_pose, felt.torso, *arms]))
+        self._felt.append(np.concatenate([felt.base_pose, felt.torso, *(felt.arm[side] for side in felt.sides)]))
         self._robot = felt.robot
         self._steps = world.steps
 
     @property
     def measurement(self) -> Measurement:
         """What was measured so far."""
-        rows = np.array(self._felt).reshape(-1, 3 + 4 + 7 + 7)
-        base, torso = rows[:, :3], rows[:, 3:7]
-        arms: dict[Side, Array] = {"left": rows[:, 7:14], "right": rows[:, 14:]}
-        T_world_base = kinematics.transform(kinematics.rot_z(base[:, 2]), np.pad(base[:, :2], ((0, 0), (0, 1))))
         robot = robot_named(self._robot)
+        ends = np.cumsum([3, len(robot.torso_joints), *(len(robot.arm_joints[side]) for side in robot.sides)])
+        base, torso, *joints = np.split(np.array(self._felt).reshape(-1, ends[-1]), ends[:-1], axis=1)
+        arms = dict(zip(robot.sides, joints, strict=True))
+        T_world_base = kinematics.transform(kinematics.rot_z(base[:, 2]), np.pad(base[:, :2], ((0, 0), (0, 1))))
         T_base_hand = {side: robot.tcp(torso, arms[side], side) for side in robot.sides}
         measured = Measurement(
             steps=self._steps,
