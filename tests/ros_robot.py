@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from pathlib import Path
@@ -24,16 +23,11 @@ joints:
   - { topic: /arm_controller/joint_trajectory }
 grippers:
   right: { topic: /gripper_controller/joint_trajectory }
-wait_s: 3
+wait_s: 5
+watchdog_s: 0.5
 """
 SIDE: Side = "right"
 FETCH = robot_named("fetch")
-
-
-def domain() -> str:
-    """A domain of this worker's own, so that tests that run side by side do not meet."""
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    return str(110 + int(worker) % 40)
 
 
 def write_bridge(folder: Path, clock: str = "system", **old_to_new: str) -> str:

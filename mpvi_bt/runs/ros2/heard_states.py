@@ -30,6 +30,7 @@ class HeardStates:
     Attributes:
         changed: Notified after each message.
         joints, base: What was felt last; base: None before the first.
+        frame: The fixed frame that the base's place is in.
         cameras: By name.
         fault: Reason and sentence of the first thing that cannot be; None: all is well.
         count: Messages by topic.
@@ -40,6 +41,7 @@ class HeardStates:
         self.changed = threading.Condition()
         self.joints: dict[str, FeltJoint] = {}
         self.base: FeltBase | None = None
+        self.frame = "odom"
         self.cameras = cameras
         self.fault: tuple[str, str] | None = None
         self.count: dict[str, int] = {}
@@ -60,6 +62,7 @@ class HeardStates:
 
         def take() -> None:
             self.base = read_odometry(message, topic, self.now_ns())
+            self.frame = message.header.frame_id or self.frame
 
         self._take(topic, take)
 

@@ -10,6 +10,8 @@ from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.runs.ros2.bridge_file import Bridge
 from mpvi_bt.runs.ros2.robot_session import robot_session
+from mpvi_bt.runs.ros2.run_control import RunControl
+from mpvi_bt.runs.ros2.run_topics import RunTopics
 
 if TYPE_CHECKING:
     from mpvi_bt.runs.serving.served import ServedWork
@@ -44,7 +46,9 @@ def play_on_robot(
 
     check_work(work, say)
     stop = Stop()
+    prefix = bridge.settings.names
     with robot_session(bridge, robot, allow_motion, stop, say) as session:
+        watchers = [RunControl(session, prefix, stop), RunTopics(session, prefix), *watchers]
         _, _, result = play_episode(
             work, session.first, session.world, "ros2", say, watchers, stop, lambda: {"ros2": session.told()}
         )

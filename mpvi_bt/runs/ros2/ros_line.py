@@ -107,6 +107,10 @@ class RosLine:
         self._looked_at.append(time.monotonic())
         return Reading(body=self._past[-1][1], images={camera: image})
 
+    def go_on(self) -> None:
+        """Count ticks from now on: those while the run was paused were not missed."""
+        self._due_ns = self._heard.now_ns()
+
     # --- ticks
 
     def _answered(self) -> int:

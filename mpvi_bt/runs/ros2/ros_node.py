@@ -18,6 +18,8 @@ from mpvi_bt.runs.ros2.command_messages import time_message, trajectory_message,
 from mpvi_bt.runs.ros2.heard_states import HeardStates
 from mpvi_bt.runs.ros2.ros_packages import part, require_ros
 
+_PARTING_S = 1.0
+
 
 class RobotNode:
     """A node of its own context, whose callbacks run in a thread of its own.
@@ -51,7 +53,13 @@ class RobotNode:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread and the node."""
+        """End the thread and the node, once everyone has what was published last."""
+        from rclpy.duration import Duration
+
+        until = time.monotonic() + _PARTING_S
+        for publisher in self.node.publishers:
+            left_s = max(0.0, until - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left_s))
         self._executor.shutdown(timeout_sec=2.0)
         self._thread.join(timeout=2.0)
         self.node.destroy_node()
