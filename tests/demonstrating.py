@@ -15,8 +15,8 @@ from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.yaml_io import load_tree
 from mpvi_bt.ground.paths import find
 from mpvi_bt.ground.robot.protocol import Proprioception, Side
-from mpvi_bt.runs.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder
-from tests.layouts import ACTION_SIZE
+from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
+from tests.layouts import ACTION_SIZE, CAMERAS
 
 SIZES = {"head": (240, 320), "left": (224, 224), "right": (224, 224)}
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy
 from mpvi_bt.ground.errors import PolicyError
 from mpvi_bt.testing.doubles import KinematicRobot
-from tests.layouts import ACTION_SIZE
+from tests.layouts import ACTION_SIZE, CAMERAS
 from tests.remote_servers import PolicyServer
 
 CHUNK = np.arange(4 * ACTION_SIZE, dtype=np.float32).reshape(4, -1) / 100

@@ -14,13 +14,13 @@ from websockets.sync.client import ClientConnection, connect
 
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.remote.codec import pack, unpack
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS
 from mpvi_bt.executive.remote.observation import Vocabulary
 from mpvi_bt.executive.remote.policy_server import Make, PolicyServer
 from mpvi_bt.executive.remote.server import SocketServer
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.testing.doubles import GripPolicy, KinematicRobot
+from tests.layouts import CAMERAS
 
 Server = TypeVar("Server", bound=SocketServer)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, Observation, load_settings
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings, Observation, load_settings
 from mpvi_bt.executive.remote.prompts import prompt_of, read_prompts
 from mpvi_bt.executive.remote.task_settings import check_robot, with_task
 from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of, resize_with_crop
@@ -21,7 +21,7 @@ from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.robots.r1pro import R1PRO
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import check_policy_choice, settings_for
-from tests.layouts import ACTION_SIZE, BASE, LAYOUT
+from tests.layouts import ACTION_SIZE, BASE, CAMERAS, LAYOUT
 from tests.numbered_body import numbered_body
 
 LINKS = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}
@@ -267,7 +267,8 @@ def test_the_number_is_that_of_the_episodes_task(tmp_path: Path) -> None:
         settings_for("openpi_comet", TASK, "fetch")
     mine = tmp_path / "mine.yaml"
     mine.write_text("about: Mine\nobservation: { prompt: null, constants: { task_id: [7] } }\n")
-    assert settings_for(str(mine), "make_pasta", "r1pro") == load_settings(str(mine))
+    loaded = load_settings(str(mine)).model_copy(update={"robot": "r1pro"})
+    assert settings_for(str(mine), "make_pasta", "r1pro") == loaded
 
 
 def test_a_run_is_refused_before_it_begins(tmp_path: Path) -> None:

@@ -29,9 +29,9 @@ from mpvi_bt.ground.paths import find
 from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
 from mpvi_bt.runs.datasets.lerobot import DatasetForm, write_dataset
 from mpvi_bt.runs.datasets.normalization import QUANTILES
-from mpvi_bt.runs.recording.demonstration_recorder import CAMERAS, DemonstrationRecorder, state
+from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder, state
 from tests.demonstrating import Moving, held, recorded, told
-from tests.layouts import ACTION_SIZE, LAYOUT
+from tests.layouts import ACTION_SIZE, CAMERAS, LAYOUT
 
 
 def test_a_row_has_what_was_felt_at_its_beginning_and_what_was_told_until_the_next(tmp_path: Path) -> None:

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from mpvi_bt.executive.remote.connection import KEY
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
 from mpvi_bt.executive.remote.openpi import OpenpiPolicy, url_of
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.testing import check_policy
-from tests.layouts import ACTION_SIZE, BASE
+from tests.layouts import ACTION_SIZE, BASE, CAMERAS
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
 from tests.remote_servers import HOST, PolicyServer, free_port
 from tests.serving import serving

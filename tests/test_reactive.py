@@ -12,7 +12,6 @@ import pytest
 from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
 from mpvi_bt.executive.plan.skills import SkillCall, load_skills
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import Motion
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES
@@ -23,7 +22,7 @@ from mpvi_bt.hands.skills.open import is_open
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.states.relations import inside, ontop
 from mpvi_bt.testing import KinematicRobot, check_policy
-from tests.layouts import BASE, LAYOUT
+from tests.layouts import BASE, CAMERAS, LAYOUT
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()

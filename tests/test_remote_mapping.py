@@ -16,13 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.executive.remote import dialect_settings as settings_module
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS, Action, DialectSettings, Observation, load_settings
+from mpvi_bt.executive.remote.dialect_settings import Action, DialectSettings, Observation, load_settings
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, PolicyError, UnknownName, UserError
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.testing.doubles import KinematicRobot
-from tests.layouts import ACTION_SIZE, BASE, LAYOUT
+from tests.layouts import ACTION_SIZE, BASE, CAMERAS, LAYOUT
 from tests.numbered_body import numbered_body
 from tests.openpi_env import openpi_python
 

@@ -6,10 +6,12 @@ The files are `policies/*.yaml`; docs/policy_servers.md explains every key.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic_core import PydanticKnownError
 
 from mpvi_bt.executive.remote.dataset_rate import dataset_rate
 from mpvi_bt.executive.remote.joint_dialects import BaseVelocity, Dialect, joint_dialect
@@ -22,8 +24,6 @@ from mpvi_bt.ground.robot.action_rows import LEAST_HZ, MOST_HZ, ActionKind
 from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import robot_named
 
-CameraName = Literal["head", "left", "right"]
-CAMERAS: tuple[CameraName, ...] = get_args(CameraName)
 Felt = Literal[
     "base_pose", "base_velocity", "torso", "arm_left", "arm_right", "arm_velocity_left", "arm_velocity_right",
     "gripper_width_left", "gripper_width_right", "gripper_command_left", "gripper_command_right",
@@ -32,7 +32,8 @@ Felt = Literal[
 Commanded = Literal[
     "base_velocity", "torso", "arm_left", "gripper_command_left", "arm_right", "gripper_command_right"
 ]  # fmt: skip
-_SIZES = {"base": 3, "torso": 4, "arm": 7, "gripper": 1, "hand_position": 3, "hand_quaternion": 4}
+_SIZES = {"base": 3, "gripper": 1, "hand_position": 3, "hand_quaternion": 4}
+_ROBOT: ContextVar[str] = ContextVar("robot", default=DEFAULT_ROBOT)  # of the settings that are being checked
 MOST_NUMBERS = 4096  # of a vector
 
 Index = Annotated[int, Field(strict=True, ge=0, lt=MOST_NUMBERS)]
@@ -50,6 +51,13 @@ def _key(given: str) -> str:
     return given
 
 
+def _camera(given: str) -> str:
+    known = robot_named(_ROBOT.get()).cameras
+    if given not in known:
+        raise PydanticKnownError("literal_error", {"expected": " or ".join(map(repr, known))})
+    return given
+
+
 # Which member of a union is meant, so that only what is wrong with that one is told.
 def _one_or_all(given: Any) -> str:
     return "all" if isinstance(given, list | tuple) else "one"
@@ -62,6 +70,7 @@ def _kind(given: Any) -> str:
 
 
 Key = Annotated[str, AfterValidator(_key)]
+CameraName = Annotated[str, AfterValidator(_camera)]
 Indices = Annotated[Annotated[Index, Tag("one")] | Annotated[tuple[Index, ...], Tag("all")], Discriminator(_one_or_all)]
 Numbers = Annotated[
     Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Tag("all")], Discriminator(_one_or_all)
@@ -78,7 +87,13 @@ Constant = Annotated[
 
 
 def size_of(part: str) -> int:
-    """How many numbers a part of the state or of the action has."""
+    """How many numbers a part of the state or of the action has, of the robot whose settings are being checked."""
+    robot = robot_named(_ROBOT.get())
+    if part == "torso":
+        return len(robot.torso_joints)
+    if part.startswith("arm"):
+        arms = robot.arm_joints
+        return len(arms.get("left" if part.endswith("left") else "right", next(iter(arms.values()), ())))
     return next(n for name, n in _SIZES.items() if part.startswith(name))
 
 
@@ -92,6 +107,7 @@ class PartPlace(Record):
         offset: Likewise.
     """
 
+    _size: int = PrivateAttr(0)
     part: str
     at: Indices
     scale: Numbers = 1.0
@@ -99,7 +115,7 @@ class PartPlace(Record):
 
     @model_validator(mode="after")
     def _fits(self) -> PartPlace:
-        size = size_of(self.part)
+        size = self._size = size_of(self.part)
         for name in ("at", "scale", "offset"):
             value = getattr(self, name)
             if isinstance(value, tuple) and len(value) != size:
@@ -111,7 +127,7 @@ class PartPlace(Record):
     @property
     def indices(self) -> tuple[int, ...]:
         """Where each of its numbers stands among theirs."""
-        return self.at if isinstance(self.at, tuple) else tuple(range(self.at, self.at + size_of(self.part)))
+        return self.at if isinstance(self.at, tuple) else tuple(range(self.at, self.at + self._size))
 
 
 class FeltPiece(PartPlace):
@@ -244,10 +260,9 @@ class Observation(Record):
         return self
 
     @property
-    def cameras(self) -> tuple[CameraName, ...]:
+    def cameras(self) -> tuple[str, ...]:
         """Cameras whose pictures are sent."""
-        sent = {image.camera for image in self.images.values()}
-        return tuple(camera for camera in CAMERAS if camera in sent)
+        return tuple(sorted({image.camera for image in self.images.values()}))
 
 
 class Action(Record):
@@ -273,7 +288,7 @@ class Action(Record):
         ):
             size = joint_dialect(self.dialect).action_size
             raise ValueError(f"{self.dialect} says what all of its {size} numbers are: no 'parts' beside it")
-        ours = robot_named(DEFAULT_ROBOT).layout.size if self.parts or self.size else None
+        ours = robot_named(_ROBOT.get()).layout.size if self.parts or self.size else None
         if not self.parts and self.size not in (None, ours):
             raise ValueError(f"{self.size} numbers are not ours, which are {ours}: say in 'parts' what they are")
         names = [piece.part for piece in self.parts]
@@ -293,6 +308,7 @@ class DialectSettings(Record):
 
     Attributes:
         about: One line for a person.
+        robot: Name or file of the robot whose parts and cameras they name; None: the default robot's.
         observation: None: the whole observation, as `mpvi serve` takes it.
         action: How the answer is read.
         rate_hz: Rows a second; None: the server says, or nobody does.
@@ -308,6 +324,7 @@ class DialectSettings(Record):
     """
 
     about: Annotated[str, Field(min_length=1, max_length=200)] = "a remote policy"
+    robot: Annotated[str, Field(min_length=1, max_length=4096)] | None = None
     observation: Observation | None = None
     action: Action = Action()
     rate_hz: Rate | None = None
@@ -326,9 +343,14 @@ class DialectSettings(Record):
         return "the settings" if self.dataset is None else f"the dataset {self.dataset}"
 
     @property
-    def cameras(self) -> tuple[CameraName, ...]:
+    def known_cameras(self) -> tuple[str, ...]:
+        """Every camera of the robot."""
+        return tuple(robot_named(self.robot or DEFAULT_ROBOT).cameras)
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
         """Cameras that the server may be sent pictures of."""
-        return CAMERAS if self.observation is None else self.observation.cameras
+        return self.known_cameras if self.observation is None else self.observation.cameras
 
 
 def load_settings(given: str) -> DialectSettings:
@@ -355,10 +377,26 @@ def _with_rate(settings: DialectSettings, marks: SourceMarks) -> DialectSettings
     return settings.model_copy(update={"rate_hz": rate_hz})
 
 
+def _validated(data: Any, marks: SourceMarks) -> DialectSettings:
+    """The settings, of the robot that they name. Raises FileProblems."""
+    robot = data.get("robot") if isinstance(data, dict) else None
+    if not isinstance(robot, str) or not robot:
+        return validate_data(data, marks, DialectSettings)
+    try:
+        robot_named(robot)
+    except UserError as error:
+        raise FileProblems([marks.problem(("robot",), "unknown-value", str(error))]) from None
+    token = _ROBOT.set(robot)
+    try:
+        return validate_data(data, marks, DialectSettings)
+    finally:
+        _ROBOT.reset(token)
+
+
 def check_settings(data: Any, marks: SourceMarks) -> DialectSettings:
     """As `load_settings`, of data that is already loaded. A file of prompts is looked for from their folder on."""
     expect("policy", data, marks)
-    settings = _with_rate(validate_data(data, marks, DialectSettings), marks)
+    settings = _with_rate(_validated(data, marks), marks)
     if settings.observation is None or settings.observation.prompts is None:
         return settings
     file = check_prompts(settings.observation.prompts, marks, ("observation", "prompts"))

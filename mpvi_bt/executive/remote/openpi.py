@@ -16,7 +16,7 @@ import numpy as np
 
 from mpvi_bt.executive.remote.codec import pack
 from mpvi_bt.executive.remote.connection import KEY, Connection, Lost, one_line
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
 from mpvi_bt.executive.remote.observation import Vocabulary, write_observation
 from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of
 from mpvi_bt.ground import paths
@@ -71,7 +71,7 @@ def question(
 def cameras_of(message: Mapping[str, Any], settings: DialectSettings, before: tuple[str, ...]) -> tuple[str, ...]:
     """The server's wanted cameras for its next answer, among those of the settings; unchanged if it names none."""
     wanted = message.get("cameras")
-    if isinstance(wanted, list) and all(isinstance(c, str) and c in CAMERAS for c in wanted):
+    if isinstance(wanted, list) and all(isinstance(c, str) and c in settings.known_cameras for c in wanted):
         return tuple(camera for camera in settings.cameras if camera in wanted)
     return before
 

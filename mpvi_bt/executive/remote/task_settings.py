@@ -64,6 +64,8 @@ def unfit(settings: DialectSettings, robot: RobotDescription) -> str:
     for name in [action.dialect, *(vector.dialect for vector in vectors)]:
         if name is not None and robot.name != (due := joint_dialect(name)).robot:
             return f"have the numbers of {due.title}, and the robot is the {robot.name}"
+    if settings.robot not in (None, robot.name):
+        return f"are of the robot {settings.robot}, not of the {robot.name}"
     pieces = [piece.part for vector in vectors for piece in vector.parts or ()]
     pieces += [piece.part for piece in action.parts]
     for part in pieces:

@@ -348,5 +348,6 @@ def settings_for(given: str, task: str | None, robot: str | None) -> DialectSett
     settings = load_settings(given)
     if robot is not None:
         check_robot(settings, robot_named(robot), given)
+        settings = settings.model_copy(update={"robot": robot})
     known = human_stats().get(task or "")
     return with_task(settings, task, None if known is None else known.task_id)

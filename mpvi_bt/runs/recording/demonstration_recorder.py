@@ -31,7 +31,6 @@ from mpvi_bt.ground.writing import unwritable, write_whole
 
 # 1 had neither `arm_velocity` nor `T_base_camera`; in 1 and 2 the action of a row was that of its first control step.
 VERSION = 3
-CAMERAS = ("head", "left", "right")
 NUMBERS = ("state", "base_pose", "arm_velocity", "action")  # arrays of a row's numbers
 FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and openpi's own datasets have 10 to 50
 
@@ -95,16 +94,17 @@ class DemonstrationRecorder(Watcher):
         folder: Where to write; what was there of the same names is replaced.
         about: What `episode.json` says besides, such as task and instruction.
         fps: Rows a second of simulated time; divides 30.
-        cameras: Of these; none: no pictures.
+        cameras: Whose pictures; none: no pictures; None: of all that the robot has.
     """
 
-    def __init__(self, folder: Path, about: dict[str, Any], fps: int = FPS, cameras: Sequence[str] = CAMERAS) -> None:
-        self._folder, self._about, self._fps, self._cameras = folder, about, fps, tuple(cameras)
+    def __init__(
+        self, folder: Path, about: dict[str, Any], fps: int = FPS, cameras: Sequence[str] | None = None
+    ) -> None:
+        self._folder, self._about, self._fps, self._cameras = folder, about, fps, cameras
         self._every = CONTROL_HZ // fps
         self._actions: Resampler | None = None
         self._told = np.empty(0)
         self._rows: dict[str, list[Any]] = {key: [] for key in (*NUMBERS, "subtask")}
-        self._rows |= {f"T_base_camera/{camera}": [] for camera in self._cameras}
         self._videos: dict[str, CameraVideo] = {}
         self._finished = False
 
@@ -144,12 +144,14 @@ class DemonstrationRecorder(Watcher):
         felt = robot.proprioception()
         if self._actions is None:
             self._actions = Resampler(layout_of(felt))
+            self._cameras = tuple(robot_named(felt.robot).cameras if self._cameras is None else self._cameras)
+            self._rows |= {f"T_base_camera/{camera}": [] for camera in self._cameras}
         self._rows["state"].append(state(felt))
         self._rows["base_pose"].append(felt.base_pose)
         self._rows["arm_velocity"].append(arm_velocities(felt))
         self._rows["subtask"].append(at())
         T_base_world = kin.inverse(kin.base(felt.base_pose))
-        for camera in self._cameras:
+        for camera in self._cameras or ():
             image = robot.look(camera)
             self._rows[f"T_base_camera/{camera}"].append(matmul(T_base_world, image.T_world_camera))
             if camera not in self._videos:

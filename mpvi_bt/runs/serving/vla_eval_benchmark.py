@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 from vla_eval.benchmarks.base import StepBenchmark, StepResult
 from vla_eval.specs import IMAGE_RGB, LANGUAGE, RAW, DimSpec
 
-from mpvi_bt.executive.remote.dialect_settings import CAMERAS, DialectSettings, load_settings
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
 from mpvi_bt.executive.remote.relay import Relay
 from mpvi_bt.executive.remote.task_settings import unfit
 from mpvi_bt.executive.remote.vla_eval import DEFAULT
@@ -87,7 +87,7 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         method: Name or file of who plans, drives and judges; by default the policy alone does everything. The policy of
             a method is left out: it is the model server.
         policy_settings: Name or file of what an observation has in it and how actions are read.
-        cameras: Those of "head", "left", "right" whose pictures observations have until an answer names others; None:
+        cameras: Those whose pictures observations have until an answer names others; None:
             all that the settings map.
         seed: Of what is random beside the model server.
         out: Folder for results and traces, as of `mpvi run --out`; None: none are written.
@@ -121,8 +121,8 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
             for instance in instances or ():
                 task.check_instance(instance)
         self._settings = load_settings(policy_settings)
-        if wrong := next((camera for camera in cameras or () if camera not in CAMERAS), None):
-            raise UnknownName("camera", str(wrong), CAMERAS)
+        if wrong := next((camera for camera in cameras or () if camera not in self._settings.known_cameras), None):
+            raise UnknownName("camera", str(wrong), self._settings.known_cameras)
         self._cameras = cameras
         asked = {"policy": POLICY, "policy_settings": policy_settings}
         self._common = {**load_method(method), **asked, "seed": seed}
