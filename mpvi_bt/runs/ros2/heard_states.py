@@ -16,9 +16,11 @@ from mpvi_bt.runs.ros2.state_messages import (
     FeltBase,
     FeltJoint,
     needed_joints,
+    next_place,
     read_joints,
     read_odometry,
 )
+from mpvi_bt.runs.ros2.transform_tree import TransformTree
 
 FORWARD_S = 1.0  # Our choice: a clock that goes on by more at once has jumped
 _CLOCK_S = 2.0  # Our choice: a simulator whose clock stands still for longer [wall clock] is gone
@@ -30,7 +32,8 @@ class HeardStates:
     Attributes:
         changed: Notified after each message.
         joints, base: What was felt last; base: None before the first.
-        frame: The fixed frame that the base's place is in.
+        frame, base_frame: The fixed frame that the base's place is in, and the base's.
+        transforms: What tf told.
         cameras: By name.
         fault: Reason and sentence of the first thing that cannot be; None: all is well.
         count: Messages by topic.
@@ -47,6 +50,10 @@ class HeardStates:
         self.count: dict[str, int] = {}
         self._bridge, self._simulated = bridge, bridge.settings.clock == "sim"
         self._needed = needed_joints(robot, bridge)
+        self.transforms = TransformTree(bridge.file)
+        self.base_frame = "base_link"
+        if tf := bridge.settings.odometry.tf:
+            self.frame, self.base_frame = tf.fixed, tf.base
         self._clock_ns = 0
         self._ticked = time.monotonic()  # when the clock last came
         self._offset_ns = time.time_ns() - time.monotonic_ns()
@@ -63,6 +70,18 @@ class HeardStates:
         def take() -> None:
             self.base = read_odometry(message, topic, self.now_ns())
             self.frame = message.header.frame_id or self.frame
+            self.base_frame = message.child_frame_id or self.base_frame
+
+        self._take(topic, take)
+
+    def hear_transforms(self, topic: str, message: Any) -> None:
+        """A tf2_msgs/TFMessage, which tells the base's place too if the bridge says so."""
+
+        def take() -> None:
+            self.transforms.hear(message, topic)
+            if self._bridge.settings.odometry.tf and self.transforms.has(self.frame, self.base_frame):
+                T, stamp = self.transforms.place(self.frame, self.base_frame), self.transforms.stamp_ns(self.base_frame)
+                self.base = next_place(self.base, T, stamp or self.now_ns())
 
         self._take(topic, take)
 
@@ -115,7 +134,8 @@ class HeardStates:
         elif absent:
             told.append(f"{' and '.join(topics)} without the joint {', '.join(absent)}")
         if self.base is None:
-            told.append(self._bridge.settings.odometry.topic or "/tf")
+            source = self._bridge.settings.odometry
+            told.append(source.topic or self.transforms.why(self.frame, self.base_frame))
         return told
 
     def stamp_ns(self) -> int:

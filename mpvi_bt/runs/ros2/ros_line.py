@@ -98,9 +98,8 @@ class RosLine:
             self._lose("no_topic", f"{self._bridge.file} has no topics for the camera {camera!r}")
         raw = self._requested(camera) if self._bridge.cameras[camera].request else self._streamed(camera)
         stamp = raw.stamp_ns
-        body = min(self._past, key=lambda one: abs(one[0] - stamp))[1]
-        pose = matmul(kin.base(self._place_at(stamp)), self._robot.camera_poses(body.torso, body.arm)[camera])
         try:
+            pose = matmul(kin.base(self._place_at(stamp)), self._on_base(camera, stamp))
             image = self._heard.cameras[camera].picture(raw, pose)
         except BadMessage as error:
             self._lose("bad_picture", str(error))
@@ -182,6 +181,14 @@ class RosLine:
         raise RobotError(reason, why)
 
     # --- pictures
+
+    def _on_base(self, camera: str, stamp: int) -> Array:
+        """T_base_camera (4, 4) at a moment: by tf if the bridge names a frame. Raises BadMessage: tf has it not."""
+        if frame := self._bridge.cameras[camera].frame:
+            with self._heard.changed:
+                return self._heard.transforms.place(self._heard.base_frame, frame)
+        body = min(self._past, key=lambda one: abs(one[0] - stamp))[1]
+        return self._robot.camera_poses(body.torso, body.arm)[camera]
 
     def _requested(self, camera: str) -> RawPicture:
         """Ask for the picture of the present state."""

@@ -15,6 +15,7 @@ from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.ros2.bridge_file import Bridge, Quality
 from mpvi_bt.runs.ros2.camera_buffer import CameraBuffer
 from mpvi_bt.runs.ros2.command_messages import time_message, trajectory_message, twist_message
+from mpvi_bt.runs.ros2.goal_sender import GoalSender
 from mpvi_bt.runs.ros2.heard_states import HeardStates
 from mpvi_bt.runs.ros2.ros_packages import part, require_ros
 
@@ -149,6 +150,11 @@ class RobotNode:
             self._listen(
                 Odometry, settings.odometry.topic, partial(heard.hear_odometry, settings.odometry.topic), states
             )
+        if settings.odometry.tf or any(topics.frame for topics in self._bridge.cameras.values()):
+            message = part("tf2_msgs.msg:TFMessage", f"tf in {self._bridge.file}")
+            self._listen(message, "/tf", partial(heard.hear_transforms, "/tf"), self._quality(Quality(), kept, 100))
+            static = self._quality(Quality(), "reliable", 100, latched=True)
+            self._listen(message, "/tf_static", partial(heard.hear_transforms, "/tf_static"), static)
         if settings.clock == "sim":
             self._listen(Clock, "/clock", heard.hear_clock, states)
         for camera, topics in self._bridge.cameras.items():
@@ -197,12 +203,13 @@ class MessageWriter:
         self._base, self._lockstep = bridge.settings.base, bridge.settings.lockstep
         kind = Twist if self._base.type == "Twist" else TwistStamped
         self._drives = node.create_publisher(kind, self._base.topic, quality)
-        self._moves: list[tuple[tuple[str, ...], Any]] = []
+        self._moves: list[tuple[tuple[str, ...], Callable[[Any], None]]] = []
         for entry in (*bridge.joints, *bridge.grippers.values()):
             if entry.action:
-                part("control_msgs.action:FollowJointTrajectory", f"the action {entry.action} in {bridge.file}")
-            publisher = node.create_publisher(JointTrajectory, entry.topic, quality)
-            self._moves.append((entry.joints or (), publisher))
+                taken = GoalSender(node, entry.action, bridge.file).publish
+            else:
+                taken = node.create_publisher(JointTrajectory, entry.topic, quality).publish
+            self._moves.append((entry.joints or (), taken))
 
     def drive(self, velocity: Array, stamp_ns: int) -> None:
         """As of `CommandWriter`."""
@@ -210,5 +217,5 @@ class MessageWriter:
 
     def move(self, targets: Mapping[str, float], stamp_ns: int) -> None:
         """As of `CommandWriter`. Controllers of a real robot begin at once, whatever its clock says."""
-        for names, publisher in self._moves:
-            publisher.publish(trajectory_message(names, targets, stamp_ns if self._lockstep else 0))
+        for names, publish in self._moves:
+            publish(trajectory_message(names, targets, stamp_ns if self._lockstep else 0))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.ground.errors import BadMessage
+from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import Proprioception
 from mpvi_bt.ground.robot.robot_description import RobotDescription
@@ -82,6 +83,19 @@ def read_odometry(message: Any, topic: str, now_ns: int) -> FeltBase:
     if not (np.isfinite(pose).all() and np.isfinite(velocity).all()):
         raise BadMessage(f"{topic}: the base's place or speed is not a finite number")
     return FeltBase(pose, velocity, stamp_of(message.header) or now_ns)
+
+
+def next_place(before: FeltBase | None, T: Array, stamp_ns: int) -> FeltBase:
+    """The base at T_fixed_base (4, 4), with the speed since it was placed before."""
+    pose = np.array([T[0, 3], T[1, 3], np.arctan2(T[1, 0], T[0, 0])])
+    if before is None:
+        return FeltBase(pose, np.zeros(3), stamp_ns)
+    if stamp_ns <= before.stamp_ns:
+        return FeltBase(pose, before.velocity, stamp_ns)
+    step, seconds = pose - before.pose, (stamp_ns - before.stamp_ns) / NS
+    c, s = np.cos(before.pose[2]), np.sin(before.pose[2])
+    moved = np.array([c * step[0] + s * step[1], c * step[1] - s * step[0], kin.wrap(step[2])])
+    return FeltBase(pose, moved / seconds, stamp_ns)
 
 
 def yaw_of(x: float, y: float, z: float, w: float, topic: str) -> float:
