@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.ground.errors import FileProblems, UnknownName
+from mpvi_bt.ground.marked_yaml import load_marked
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
-from mpvi_bt.runs.ros2.bridge_file import joint_names, load_bridge
+from mpvi_bt.runs.ros2.bridge_file import check_bridge, joint_names, load_bridge
 
 GOOD = """\
 clock: system
@@ -94,3 +95,9 @@ def test_an_unknown_bridge_is_told_with_the_nearest() -> None:
     """A name that is in no `bridges/`."""
     with pytest.raises(UnknownName, match=r"unknown bridge 'huose'\. Did you mean 'house'"):
         load_bridge("huose", robot_named("r1"))
+
+
+@pytest.mark.parametrize("file", sorted(Path("examples").glob("*_bridge.yaml")), ids=lambda path: path.stem)
+def test_the_bridges_of_the_examples_can_be_read(file: Path) -> None:
+    """Their robots are the reader's own; what can be said without them is right."""
+    assert check_bridge(*load_marked(file)).state_topics

@@ -33,24 +33,6 @@ root:
 """
 
 
-class Blind:
-    """A detector that sees nothing."""
-
-    name = "blind"
-
-    def detect(self, image: Any, phrases: Any) -> list[Any]:
-        return []
-
-
-class Never:
-    """A checker that is asked nothing."""
-
-    name, needs_image = "never", False
-
-    def check(self, *asked: Any) -> Any:
-        raise AssertionError
-
-
 @pytest.fixture
 def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[TestRobot]:
     """One that nobody else hears."""
@@ -62,10 +44,7 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[TestRobot]:
 def played(folder: Path, out: dict[str, Any], tree: str = TREE) -> threading.Thread:
     """Plays a tree in a thread of its own; `out` gets the result."""
     (folder / "tree.yaml").write_text(tree)
-    config = EpisodeConfig(
-        "", tree=str(folder / "tree.yaml"), robot="fetch", map="online", policy="reactive",
-        detector="tests.test_ros2_run:Blind", checker="tests.test_ros2_run:Never",
-    )  # fmt: skip
+    config = EpisodeConfig("", tree=str(folder / "tree.yaml"), robot="fetch", map="online", policy="reactive")
     bridge = load_bridge(write_bridge(folder), FETCH)
 
     def work() -> None:
@@ -140,7 +119,7 @@ def test_a_run_is_stopped_by_a_service(robot: TestRobot, tmp_path: Path) -> None
     out: dict[str, Any] = {}
     thread = played(tmp_path, out, TREE.replace("1.5", "60"))
     until(lambda: len(robot.drives) > 5, out)
-    client = robot.node.create_client(Trigger, "/mpvi/stop")
+    client: Any = robot.node.create_client(Trigger, "/mpvi/stop")
     until(client.service_is_ready, out)
     future = client.call_async(Trigger.Request())
     until(future.done, out)

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -55,7 +56,7 @@ def drive(made: RobotSession, seconds: float, forward: float = 0.4) -> None:
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         action = made.world.robot.action
-        FETCH.layout.set_velocity(action, (forward, 0.0, 0.0))
+        FETCH.layout.set_velocity(action, np.array([forward, 0.0, 0.0]))
         made.world.robot.act(action)
         made.world.step()
 
@@ -196,8 +197,9 @@ def test_a_second_bridge_is_refused(robot: TestRobot, tmp_path: Path) -> None:
     """Who commands the robot already is named."""
     with session(tmp_path) as made:
         drive(made, 0.2)
-        with pytest.raises(UserError, match="another node commands the robot: /mpvi_bridge_"), session(tmp_path):
-            pass
+        with pytest.raises((UserError, RobotError), match="another node commands the robot: /mpvi_bridge_"):  # noqa: SIM117
+            with session(tmp_path) as second:
+                drive(second, 5.0)  # where nodes find each other late
 
 
 def test_another_commander_stops_the_robot(robot: TestRobot, tmp_path: Path) -> None:

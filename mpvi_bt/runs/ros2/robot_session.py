@@ -12,7 +12,7 @@ from mpvi_bt.executive.remote.reading import Reading
 from mpvi_bt.executive.remote.remote_world import RemoteWorld
 from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.ros2.bridge_file import Bridge
 from mpvi_bt.runs.ros2.motion_gate import MotionGate
 from mpvi_bt.runs.ros2.ros_line import RosLine
@@ -57,7 +57,7 @@ class RobotSession:
 
 @contextmanager
 def robot_session(
-    bridge: Bridge, robot: RobotModel, allow_motion: bool, stop: Stop, say: Callable[[str], None]
+    bridge: Bridge, robot: RobotDescription, allow_motion: bool, stop: Stop, say: Callable[[str], None]
 ) -> Iterator[RobotSession]:
     """A robot over ROS 2. However the block is left, the robot is told to stop.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.executive.ticking.loop import Subscriber
 from mpvi_bt.executive.ticking.stop import Stop
-from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.ros2.bridge_file import Bridge
 from mpvi_bt.runs.ros2.robot_session import robot_session
 from mpvi_bt.runs.ros2.run_control import RunControl
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def play_on_robot(
     work: ServedWork,
     bridge: Bridge,
-    robot: RobotModel,
+    robot: RobotDescription,
     allow_motion: bool,
     say: Callable[[str], None],
     watchers: Sequence[Subscriber] = (),

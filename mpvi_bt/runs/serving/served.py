@@ -18,6 +18,7 @@ from mpvi_bt.executive.remote.server import SocketServer
 from mpvi_bt.executive.ticking.loop import Last, Outcome, Subscriber, run_episode
 from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.compile import compile_instruction, compile_plan
+from mpvi_bt.executive.tree.relevant import task_relevant
 from mpvi_bt.executive.tree.substitute import stand_ins
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BadMessage, NodeError, UserError, nearest, shown
@@ -158,7 +159,8 @@ def play_episode(
         KeyboardInterrupt: It was ended from outside.
     """
     config, prepared = prepared_for(work, first, say)
-    _check_sight(config, first)
+    if task_relevant(prepared.spec, prepared.skills):  # else nobody looks for anything
+        _check_sight(config, first)
     name = prepared.spec.name
     stem = f"{name}_{stem}"
     if work.out is not None:
