@@ -368,6 +368,8 @@ class _ArmRest:
         went = np.abs(now - self._recent[0]).max() * CONTROL_HZ
         self._still = 0 if went > t.arm_still_rad_s * max(len(self._recent) - 1, 1) else self._still + 1
         self.since_event += 1
+        if not body.sides:
+            return None
         farther = max(reversed(body.sides), key=self._farthest.__getitem__)
         return farther if steady and self.stands and self._farthest[farther] > t.moved_rad else None
 
@@ -388,7 +390,8 @@ class _ArmRest:
     def fired(self) -> None:
         """An event was reported: the next way begins where the arms are now."""
         if self._recent:
-            self._home = {side: self._recent[-1][7 * k : 7 * k + 7] for k, side in enumerate(self._home)}
+            ends = np.cumsum([len(home) for home in self._home.values()])
+            self._home = dict(zip(self._home, np.split(self._recent[-1], ends), strict=False))  # the arms come first
         self._farthest = dict.fromkeys(self._home, 0.0)
         self.since_event = 0
 
