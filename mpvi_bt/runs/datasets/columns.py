@@ -8,6 +8,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.robot.trunk import LiftTrunk
@@ -60,9 +61,11 @@ class OwnContent:
 
     def __init__(self, robot: str) -> None:
         self.robot_type, model = robot, robot_named(robot)
-        torso = _POSTURE if isinstance(model.trunk, LiftTrunk) else model.torso_joints
-        base, hand = ("base_vx", "base_vy", "base_yaw_rate"), (*_ARM, "gripper")
-        motors = [*base, *map(str, torso), *(f"{side}_{name}" for side in SIDES for name in hand)]
+        motors = list(model.layout.names)
+        if isinstance(model, RobotModel):
+            torso = _POSTURE if isinstance(model.trunk, LiftTrunk) else model.torso_joints
+            base, hand = ("base_vx", "base_vy", "base_yaw_rate"), (*_ARM, "gripper")
+            motors = [*base, *map(str, torso), *(f"{side}_{name}" for side in SIDES for name in hand)]
         self._from = {
             "observation.state": ("state", motors),
             "observation.base_pose": ("base_pose", ["x", "y", "yaw"]),
