@@ -45,11 +45,12 @@ class RemoteRobot:
 
     Attributes:
         model: What robot it is.
+        line: The connection to whoever has it.
     """
 
     def __init__(self, model: RobotDescription, first: Reading, line: RobotConnection) -> None:
         """Take the first observation."""
-        self.model, self._line = model, line
+        self.model, self.line = model, line
         self._action = _first_command(model, first)
         self.take(first, np.zeros(3))
 
@@ -81,7 +82,7 @@ class RemoteRobot:
                 raise BackendError(f"no camera {camera!r}; known: {', '.join(self.model.cameras)}")
             seen = self._seen
             if camera not in seen.images:
-                seen = self._line.look(camera)
+                seen = self.line.look(camera)
                 if camera not in seen.images:
                     raise BadMessage(f"the requested picture of the camera {camera!r} is missing")
             image = seen.images[camera]

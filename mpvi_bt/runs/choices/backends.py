@@ -88,6 +88,9 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     },
     "navigator": {
         "grid": Backend("plans paths on the map's grid, and searches for targets without a known place"),
+        "nav2": Backend(
+            "Nav2 drives to what `grid` says, on robots over ROS 2", factory="mpvi_bt.runs.ros2.nav2_navigator:nav2"
+        ),
     },
     "policy": {
         "expert": Backend(

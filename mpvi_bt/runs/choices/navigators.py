@@ -54,7 +54,7 @@ def who_drives(given: str, ours: KnownPlaceNavigator, world: SimWorld | RemoteWo
         UserError: It cannot be made.
     """
     choice = choose("navigator", given)
-    if choice.part is None:
+    if choice.part is None and not choice.backend.factory:
         return ours
     made: Navigator = choice.make(robot=world.robot, ours=ours, seed=seed)
     return made

@@ -36,6 +36,7 @@ class MotionGate:
     Attributes:
         halted: Reason and sentence of the halt; None: there was none.
         sent: Commands that went out.
+        base_elsewhere: Whether another node drives the base for us: no velocity goes out.
     """
 
     def __init__(
@@ -58,8 +59,14 @@ class MotionGate:
         self._targets: dict[str, float] = {}
         self._stamp_ns = 0
         self._at = time.monotonic()
+        self._stops: list[Callable[[], None]] = []
         self.halted: tuple[str, str] | None = None
         self.sent = 0
+        self.base_elsewhere = False
+
+    def on_halt(self, stop: Callable[[], None]) -> None:
+        """Have something else stopped with the robot."""
+        self._stops.append(stop)
 
     @property
     def watched(self) -> bool:
@@ -76,7 +83,8 @@ class MotionGate:
         with self._lock:
             if self.halted or self._writer is None:
                 return
-            self._velocity = self._ramped(self._robot.layout.velocity(action))
+            asked = np.zeros(3) if self.base_elsewhere else self._robot.layout.velocity(action)
+            self._velocity = self._ramped(asked)
             self._targets = targets_of(self._robot, self._bridge, action)
             self._stamp_ns = stamp_ns
             self._write(self._writer)
@@ -107,6 +115,8 @@ class MotionGate:
             self.halted = (reason, why)
             if self._writer is None:
                 return
+            for stop in self._stops:
+                stop()
             felt = self._felt()
             arms = {name: felt[name] for name in joint_names(self._robot) if name in felt}
             for _ in range(_STOPS):
@@ -115,7 +125,8 @@ class MotionGate:
                     self._writer.move({**self._targets, **arms}, self._stamp_ns)
 
     def _write(self, writer: CommandWriter) -> None:
-        writer.drive(self._velocity, self._stamp_ns)
+        if not self.base_elsewhere:
+            writer.drive(self._velocity, self._stamp_ns)
         writer.move(self._targets, self._stamp_ns)
         self._at = time.monotonic()
 

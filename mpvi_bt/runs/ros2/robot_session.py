@@ -57,7 +57,12 @@ class RobotSession:
 
 @contextmanager
 def robot_session(
-    bridge: Bridge, robot: RobotDescription, allow_motion: bool, stop: Stop, say: Callable[[str], None]
+    bridge: Bridge,
+    robot: RobotDescription,
+    allow_motion: bool,
+    stop: Stop,
+    say: Callable[[str], None],
+    base_is_shared: bool = False,
 ) -> Iterator[RobotSession]:
     """A robot over ROS 2. However the block is left, the robot is told to stop.
 
@@ -67,6 +72,7 @@ def robot_session(
         allow_motion: Whether commands go out.
         stop: Asked to end the run by Ctrl-C or SIGTERM.
         say: Told what a person should know.
+        base_is_shared: Whether other nodes may drive the base too, for us.
 
     Raises:
         UserError: A package of ROS 2 is missing, another node commands the robot, or it waits for commands that may
@@ -77,7 +83,7 @@ def robot_session(
     settings = bridge.settings
     if settings.lockstep and not allow_motion:
         raise UserError(f"{bridge.file}: with 'lockstep' the simulator waits for each command: give --allow-motion.")
-    node = RobotNode(bridge, robot)
+    node = RobotNode(bridge, robot, base_is_shared)
     try:
         node.wait_discovered(_DISCOVERY_S)
         if allow_motion and (others := node.commanders()):

@@ -10,6 +10,7 @@ from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.ros2.bridge_file import Bridge
 from mpvi_bt.runs.ros2.robot_session import robot_session
+from mpvi_bt.runs.ros2.ros_packages import part
 from mpvi_bt.runs.ros2.run_control import RunControl
 from mpvi_bt.runs.ros2.run_topics import RunTopics
 
@@ -47,7 +48,9 @@ def play_on_robot(
     check_work(work, say)
     stop = Stop()
     prefix = bridge.settings.names
-    with robot_session(bridge, robot, allow_motion, stop, say) as session:
+    if shared := work.config.navigator == "nav2":
+        part("nav2_msgs.action:NavigateToPose", "--navigator nav2")
+    with robot_session(bridge, robot, allow_motion, stop, say, shared) as session:
         watchers = [RunControl(session, prefix, stop), RunTopics(session, prefix), *watchers]
         _, _, result = play_episode(
             work, session.first, session.world, "ros2", say, watchers, stop, lambda: {"ros2": session.told()}

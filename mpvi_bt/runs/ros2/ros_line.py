@@ -52,6 +52,7 @@ class RosLine:
     """A `RobotConnection` over ROS 2. The loop ticks at its rate in the robot's time.
 
     Attributes:
+        node, gate: What it speaks through.
         times: How it went.
     """
 
@@ -59,7 +60,7 @@ class RosLine:
         self, bridge: Bridge, robot: RobotDescription, node: RobotNode, gate: MotionGate, say: Callable[[str], None]
     ) -> None:
         """Nothing was exchanged yet."""
-        self._bridge, self._robot, self._node, self._gate, self._say = bridge, robot, node, gate, say
+        self._bridge, self._robot, self.node, self.gate, self._say = bridge, robot, node, gate, say
         self._heard = node.heard
         self._past: deque[tuple[int, Proprioception]] = deque(maxlen=_PAST)
         self._due_ns = 0
@@ -74,7 +75,7 @@ class RosLine:
         in_step = self._heard.in_step if self._bridge.settings.lockstep else lambda: not self._heard.missing()
         if not self._wait(in_step, wait_s):
             silent = self._heard.missing() or ["the joint states, the odometry and /clock are not of one moment"]
-            self._lose("no_topic", f"nothing to begin with after {wait_s:g} s: {self._node.told_of(silent)}")
+            self._lose("no_topic", f"nothing to begin with after {wait_s:g} s: {self.node.told_of(silent)}")
         reading = self._state(0)
         cameras = {"head"} & set(self._bridge.cameras)
         images = {camera: self.look(camera).images[camera] for camera in cameras}
@@ -85,7 +86,7 @@ class RosLine:
     def exchange(self, actions: Array) -> Reading:
         """Send the last of actions (K, A), and wait for the next tick's state. Raises RobotError."""
         self._check()
-        self._gate.send(actions[-1], self._stamp_ns if self._bridge.settings.lockstep else self._heard.now_ns())
+        self.gate.send(actions[-1], self._stamp_ns if self._bridge.settings.lockstep else self._heard.now_ns())
         now = time.monotonic()
         self.times.state_to_command_s.append(now - self._read_at)
         self.times.picture_to_command_s += [now - at for at in self._looked_at]
@@ -123,14 +124,14 @@ class RosLine:
             if self._heard.in_step() and self._heard.now_ns() > before:
                 return True
             if (count := self._heard.count.get(topic, 0)) > heard and self._heard.now_ns() == before:
-                self._gate.resend()  # it asks again: what we sent was lost
+                self.gate.resend()  # it asks again: what we sent was lost
                 self.times.resent += 1
             heard = count
             return False
 
         if not self._wait(next_one, _ANSWER_S):
             topics = [*self._bridge.settings.state_topics, "/clock"]
-            self._lose("silent", f"no state came for {_ANSWER_S:g} s: {self._node.told_of(topics)}")
+            self._lose("silent", f"no state came for {_ANSWER_S:g} s: {self.node.told_of(topics)}")
         return 0
 
     def _next_tick(self) -> int:
@@ -170,14 +171,14 @@ class RosLine:
         return True
 
     def _check(self) -> None:
-        if self._gate.halted is not None:
-            reason, why = self._gate.halted
+        if self.gate.halted is not None:
+            reason, why = self.gate.halted
             if reason == STOPPED:
                 raise KeyboardInterrupt(why)
             raise RobotError(reason, why)
 
     def _lose(self, reason: str, why: str) -> NoReturn:
-        self._gate.halt(reason, why)
+        self.gate.halt(reason, why)
         raise RobotError(reason, why)
 
     # --- pictures
@@ -195,11 +196,11 @@ class RosLine:
         buffer, stamp = self._heard.cameras[camera], self._stamp_ns
         until = time.monotonic() + _ANSWER_S
         while time.monotonic() < until:
-            self._node.ask_picture(camera, stamp)
+            self.node.ask_picture(camera, stamp)
             self._wait(lambda: buffer.newest(stamp) is not None, _ASK_AGAIN_S)
             if (picture := buffer.newest(stamp)) is not None:
                 return picture
-        return self._lose("no_topic", f"no picture of {camera!r} was sent: {self._node.told_of(buffer.missing())}")
+        return self._lose("no_topic", f"no picture of {camera!r} was sent: {self.node.told_of(buffer.missing())}")
 
     def _streamed(self, camera: str) -> RawPicture:
         """The newest picture that is whole and not too old."""
@@ -220,7 +221,7 @@ class RosLine:
                 f"{buffer.topics.color}: the newest picture is {age_s:.2f} s old, {oldest_s:g} s is the limit",
             )
         silent = buffer.missing() or [f"{buffer.topics.color} and {buffer.topics.depth} have no pictures of one moment"]
-        return self._lose("no_topic", f"no picture of {camera!r} for {wait_s:g} s: {self._node.told_of(silent)}")
+        return self._lose("no_topic", f"no picture of {camera!r} for {wait_s:g} s: {self.node.told_of(silent)}")
 
     def _looked(self, camera: str) -> bool:
         return self._heard.cameras[camera].newest() is not None

@@ -31,14 +31,14 @@ class RobotNode:
         lost: Messages that the middleware reports lost.
     """
 
-    def __init__(self, bridge: Bridge, robot: RobotDescription) -> None:
+    def __init__(self, bridge: Bridge, robot: RobotDescription, base_is_shared: bool = False) -> None:
         """Subscribe to everything. Raises UserError: a package of ROS 2 is missing."""
         require_ros()
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
-        self._bridge = bridge
+        self._bridge, self._base_is_shared = bridge, base_is_shared
         self._began = time.monotonic()
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
@@ -78,7 +78,8 @@ class RobotNode:
 
     def commanders(self) -> list[str]:
         """Other nodes that publish commands, as "NODE on TOPIC"."""
-        return [f"{name} on {topic}" for topic in command_topics(self._bridge) for name in self._others(topic)]
+        topics = command_topics(self._bridge)[1 if self._base_is_shared else 0 :]
+        return [f"{name} on {topic}" for topic in topics for name in self._others(topic)]
 
     def told_of(self, topics: Iterable[str]) -> str:
         """Who publishes topics that nothing comes from, in words."""
