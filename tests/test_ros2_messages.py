@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mpvi_bt.apps.cli import main
 from mpvi_bt.ground.errors import BadMessage, UserError
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.runs.ros2.bridge_file import load_bridge
@@ -193,3 +194,14 @@ def test_goals_are_sent_when_targets_change(monkeypatch: pytest.MonkeyPatch) -> 
         point = Bag(positions=[position], time_from_start=Bag(nanosec=33_000_000))
         sender.publish(Bag(points=[point]))
     assert sent == [[0.0], [0.3]]
+
+
+def test_without_rclpy_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """The extra, or the installation to source."""
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    with pytest.raises(SystemExit) as ended:
+        main(["ros2", "--robot", "r1", "--bridge", "house", "--tree", "hello"])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("mpvi: mpvi ros2 needs rclpy, which is not installed: ")
+    assert "source /opt/ros/" in line

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -142,3 +145,27 @@ def test_a_robot_that_falls_silent_ends_the_run(robot: TestRobot, tmp_path: Path
     assert out["ended"] == "backend_error"
     assert out["failures"][-1]["reason"] == "silent"
     assert "/odom" in out["failures"][-1]["feedback"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_process_that_is_stopped_stops_the_robot(robot: TestRobot, tmp_path: Path, number: signal.Signals) -> None:
+    """It ends by itself, with a stop as its last command and the signal in its result."""
+    (tmp_path / "tree.yaml").write_text(TREE.replace("1.5", "60"))
+    words = ["ros2", "--robot", "fetch", "--bridge", write_bridge(tmp_path), "--tree", str(tmp_path / "tree.yaml")]
+    command = [sys.executable, "-m", "mpvi_bt.apps.cli", *words, "--allow-motion", "--out", str(tmp_path), "--no-watch"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        until(lambda: len(robot.drives) > 5, {})
+        process.send_signal(number)
+        _, said = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    told = json.loads((tmp_path / "waiting_ros2.json").read_text())
+    assert told["ended"] == "interrupted"
+    assert told["ros2"]["halted"] == {"reason": "stopped", "why": f"the process was stopped by {number.name}"}
+    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+    count = len(robot.drives)
+    time.sleep(0.5)
+    assert len(robot.drives) == count

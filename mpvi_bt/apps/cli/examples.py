@@ -129,6 +129,12 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "reactive --host 0.0.0.0 --port 8001",
         "mpvi --protocol behavior-2026 --detector grounding_dino",
     ),
+    "ros2": (
+        "--robot r1 --bridge house --tree hello --allow-motion",
+        "--robot r1 --bridge house --task picking_up_trash --allow-motion",
+        "house picking_up_trash",
+    ),
+    "ros2 house": ("picking_up_trash", "picking_up_trash --robot r1pro", "picking_up_trash --instance 2 --json"),
     "mcp": ("", "--allow-motion --out runs/agent", "--serve 8421 --allow-motion"),
     "evaluate": (
         "picking_up_trash --dialect behavior-2026 --labels",

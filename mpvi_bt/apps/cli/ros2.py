@@ -11,6 +11,7 @@ import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
 from mpvi_bt.apps.cli.argument_types import Name, arguments, check_writable, complete_param, out_folder
+from mpvi_bt.apps.cli.examples import with_examples
 from mpvi_bt.apps.cli.score import brief_score
 from mpvi_bt.apps.cli.setting_options import method, settings
 from mpvi_bt.executive.drawing.terminal import results, tell
@@ -32,7 +33,7 @@ class _WithHouse(click.Group):
         if cmd_name != "house":
             return None
         command: click.Command = importlib.import_module("mpvi_bt.apps.cli.ros2_house").house
-        return command
+        return with_examples(command, "ros2 house")
 
 
 # What needs neither a simulator nor a known house.
