@@ -63,7 +63,7 @@ def _away_from_travel(body: Proprioception) -> list[str]:
     """What is not in the travel posture."""
     home = robot_named(body.robot)
     arms = [s for s, q in home.travel_arm.items() if not body.holds(s) and np.abs(body.arm[s] - q).max() > _ARM_RAD]
-    torso = np.abs(body.torso - home.travel_torso).max() > _TORSO
+    torso = np.abs(body.torso - home.travel_torso).max(initial=0.0) > _TORSO
     return [f"the {side} arm" for side in arms] + (["the torso"] if torso else [])
 
 

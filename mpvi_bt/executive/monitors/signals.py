@@ -94,4 +94,4 @@ class Signals:
         x, y, yaw = felt.base_pose - was.base_pose
         if math.hypot(x, y) > least.base_m or abs(math.remainder(yaw, math.tau)) > least.base_rad:
             return True
-        return bool(np.abs(felt.torso - was.torso).max() > least.torso)
+        return bool(np.abs(felt.torso - was.torso).max(initial=0.0) > least.torso)

@@ -66,12 +66,13 @@ def check_hands(robot: str, spec: TreeSpec, skills: Mapping[str, Skill]) -> None
     """Refuse a tree that is for other hands than the robot of a name has.
 
     Raises:
-        UserError: The first prompt that asks for two hands where there is one, or for a hand that is not there.
+        UserError: The first prompt that asks for more hands than there are, or for a hand that is not there.
     """
     sides = sides_of(robot)
     for path, clause, call in _calls(spec, skills):
         if call.skill.hands > len(sides):
-            raise UserError(f"{path}: {shown(clause)} takes two hands (skill {call.skill.name}); {robot} has one.")
+            takes, has = "two hands" if call.skill.hands > 1 else "a hand", "one" if sides else "none"
+            raise UserError(f"{path}: {shown(clause)} takes {takes} (skill {call.skill.name}); {robot} has {has}.")
         hand = call.arguments.get("hand")
         if hand in SIDES and hand not in sides:
             raise UserError(f"{path}: {shown(clause)} is for the {hand} hand; {robot} has the {sides[0]} one.")
