@@ -24,6 +24,12 @@ def _parameter(path: Path) -> object:
     if "mpvi_bt.house.maniskill" in text:
         missing = importlib.util.find_spec("mani_skill") is None
         marks = [pytest.mark.rare, pytest.mark.slow, pytest.mark.skipif(missing, reason="needs ManiSkill")]
+    if "mpvi_bt.runs.ros2" in text:
+        missing = importlib.util.find_spec("rclpy") is None
+        marks = [
+            *(pytest.mark.rare, pytest.mark.slow, pytest.mark.render),
+            pytest.mark.skipif(missing, reason="needs rclpy"),
+        ]
     return pytest.param(path, id=path.stem, marks=marks)
 
 
