@@ -53,6 +53,8 @@ class TestRobot:
         spoil: Called with each JointState before it is published.
         old_s: How much older than now its pictures are.
         size: Height and width of its pictures.
+        timeout_s: Its base stands by itself so long after the last command, as that of a real robot should.
+        moved: When its base last moved [monotonic].
     """
 
     __test__ = False
@@ -68,6 +70,7 @@ class TestRobot:
         self.shift_s, self.old_s, self.size = 0.0, 0.0, (48, 64)
         self.silent: set[str] = set()
         self.spoil: Any = lambda message: None
+        self.timeout_s, self.moved = float("inf"), float("-inf")
         self._simulated = clock == "sim"
         self._velocity = np.zeros(3)
         names = [name for name in (*FETCH.torso_joints, *FETCH.arm_joints[SIDE]) if name]
@@ -136,6 +139,10 @@ class TestRobot:
     def _work(self) -> None:
         count = 0
         while not self._over.wait(0.01):
+            if self.drives and time.monotonic() - self.drives[-1][0] > self.timeout_s:
+                self._velocity = np.zeros(3)
+            if self._velocity.any():
+                self.moved = time.monotonic()
             c, s = np.cos(self.pose[2]), np.sin(self.pose[2])
             vx, vy, turn = self._velocity
             self.pose = self.pose + np.array([c * vx - s * vy, s * vx + c * vy, turn]) * 0.01

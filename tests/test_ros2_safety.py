@@ -18,9 +18,13 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
+
 from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.ground.errors import RobotError, UserError
 from mpvi_bt.runs.ros2.bridge_file import load_bridge
+from mpvi_bt.runs.ros2.heard_states import HeardStates
 from mpvi_bt.runs.ros2.robot_session import RobotSession, robot_session
 from tests.loopback import alone
 from tests.ros_robot import FETCH, SIDE, TestRobot, write_bridge
@@ -138,6 +142,17 @@ def test_a_clock_that_jumps_stops_the_robot(tmp_path: Path, jump_s: float) -> No
     with TestRobot("sim") as robot, session(tmp_path, clock="sim") as made:
         error = ending(made, robot, lambda: setattr(robot, "shift_s", jump_s))
     assert error.reason == "time_jump"
+
+
+def test_a_clock_that_comes_late_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until its first message a clock does not stand still: on a busy machine nodes find each other late."""
+    heard = HeardStates(load_bridge(write_bridge(tmp_path, "sim"), FETCH), FETCH, {})
+    later = time.monotonic() + 5.0
+    monkeypatch.setattr(time, "monotonic", lambda: later)
+    assert heard.wrong() is None
+    heard.hear_clock(Clock(clock=Time(sec=7)))
+    later += 5.0
+    assert heard.wrong() == ("silent", "/clock: nothing came for 2 s")
 
 
 def test_stamps_of_another_time_stop_the_robot(robot: TestRobot, tmp_path: Path) -> None:

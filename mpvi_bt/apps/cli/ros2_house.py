@@ -59,6 +59,9 @@ def house(as_json: bool, out: Any, **given: Any) -> int:
 
     Exit code 0 where the goal is true at the end, 1 where it is not.
     """
+    from mpvi_bt.runs.ros2.ros_packages import require_ros
+
+    require_ros()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 

@@ -155,7 +155,7 @@ class HeardStates:
         if self.fault is not None:
             return self.fault
         settings = self._bridge.settings
-        if self._simulated and not settings.lockstep and time.monotonic() - self._ticked > _CLOCK_S:
+        if self._clock_ns and not settings.lockstep and time.monotonic() - self._ticked > _CLOCK_S:
             return "silent", f"/clock: nothing came for {_CLOCK_S:g} s"
         if not self._simulated and (jump := self._own_jump()):
             return "time_jump", jump

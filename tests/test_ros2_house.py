@@ -1,0 +1,98 @@
+"""The house as a robot of ROS 2: a bridge that answers its states steps it, and it scores what comes of that."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from mpvi_bt.executive.ticking.stop import Stop
+from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.ros2.bridge_file import load_bridge
+from mpvi_bt.runs.ros2.robot_session import robot_session
+from mpvi_bt.runs.ros2.ros_episode import play_on_robot
+from mpvi_bt.runs.serving.served import ServedWork
+from tests.loopback import alone
+
+pytestmark = [pytest.mark.slow, pytest.mark.render]
+
+_BEGIN_S, _END_S = 180.0, 120.0  # of a busy machine
+
+
+@pytest.fixture(autouse=True)
+def apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is heard of others on this machine or on the net."""
+    alone(monkeypatch)
+
+
+@contextmanager
+def house(folder: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """The house in a process of its own, ready for a bridge."""
+    words = [sys.executable, "-m", "mpvi_bt.apps.cli", "ros2", "house", "picking_up_trash", "--out", str(folder)]
+    with subprocess.Popen([*words, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        until = time.monotonic() + _BEGIN_S
+        while "ready" not in process.stderr.readline():
+            assert process.poll() is None
+            assert time.monotonic() < until
+        yield process
+        process.terminate()
+
+
+def result_of(folder: Path, process: subprocess.Popen[str]) -> dict[str, Any]:
+    """What the house has written, once it has ended."""
+    process.wait(_END_S)
+    return dict(json.loads((folder / "picking_up_trash_0_house.json").read_text()))
+
+
+def test_the_house_steps_once_for_each_answer(tmp_path: Path) -> None:
+    """Every command is taken, nothing is lost, the picture is of the present step, and the end is scored."""
+    bridge = load_bridge("house", R1)
+    with house(tmp_path) as process:
+        with robot_session(bridge, R1, True, Stop(), lambda line: None) as made:
+            robot = made.world.robot
+            before = robot.proprioception()
+            for _ in range(30):
+                action = robot.action
+                R1.layout.set_velocity(action, np.array([0.0, 0.0, 0.5]))
+                robot.act(action)
+                made.world.step()
+            after, image = robot.proprioception(), robot.look("head")
+        told = result_of(tmp_path, process)
+    assert after.base_pose[2] - before.base_pose[2] == pytest.approx(0.45, abs=0.1)
+    assert image.rgb.shape[:2] == (R1.cameras["head"].height, R1.cameras["head"].width)
+    assert image.labels is not None
+    assert {int(label) for label in set(image.labels.flat)} - {0} <= {*image.names}
+    assert 30 <= told["time"]["simulator_steps"] <= 31
+    assert {topic["lost"] for topic in told["messages"]["commands"].values()} <= {0, 1}
+    assert (told["ended"], told["q_score"]["final"], len(told["conditions"])) == ("bridge_gone", 0.0, 3)
+
+
+def test_a_house_that_nobody_drives_ends(tmp_path: Path) -> None:
+    """It waits as long as it was told to, scores, and says why."""
+    with house(tmp_path, "--wait", "0.5") as process:
+        assert result_of(tmp_path, process)["ended"] == "no_bridge"
+
+
+@pytest.mark.rare
+def test_an_episode_over_ros_reaches_its_goal(tmp_path: Path) -> None:
+    """The whole executive drives the house over ROS 2, and the trash ends up in the can."""
+    config = EpisodeConfig("picking_up_trash", robot="r1", policy="reactive", map="online")
+    with house(tmp_path) as process:
+        played = play_on_robot(
+            ServedWork(config, "", tmp_path), load_bridge("house", R1), R1, True, lambda line: None
+        )  # fmt: skip
+        told = result_of(tmp_path, process)
+    assert played["success"]
+    assert told["q_score"]["final"] == 1.0
