@@ -13,9 +13,11 @@ import pytest
 
 from mpvi_bt.apps.cli import main
 from mpvi_bt.ground.errors import BadMessage, UserError
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.runs.ros2.bridge_file import load_bridge
 from mpvi_bt.runs.ros2.command_messages import targets_of
+from mpvi_bt.runs.ros2.heard_states import HeardStates
 from mpvi_bt.runs.ros2.picture_messages import color_of, depth_of, intrinsics_of, labels_of, names_of
 from mpvi_bt.runs.ros2.ros_packages import part
 from mpvi_bt.runs.ros2.state_messages import FeltBase, FeltJoint, body_of, next_place, read_joints, yaw_of
@@ -205,3 +207,33 @@ def test_without_rclpy_one_line_says_what_to_install(monkeypatch: pytest.MonkeyP
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("mpvi: mpvi ros2 needs rclpy, which is not installed: ")
     assert "source /opt/ros/" in line
+
+
+def test_a_base_without_joints_is_heard(tmp_path: Path) -> None:
+    """Its odometry alone is its state; when that is old it is told so."""
+    path = tmp_path / "b.yaml"
+    path.write_text("joint_states: /j\nodometry: { topic: /odom }\nbase: { topic: /cmd_vel }\n")
+    layout = ActionLayout(("vx", "turn"), (0, None, 1), slice(2, 2), {}, {})
+    robot: Any = Bag(
+        name="turtle", sides=(), torso_joints=(), arm_joints={}, finger_joints={}, cameras={}, layout=layout,
+        opening_m=0.0,
+    )  # fmt: skip
+    bridge = load_bridge(str(path), robot)
+    heard = HeardStates(bridge, robot, {})
+    assert heard.missing() == ["/odom"]
+    place = Bag(position=Bag(x=1.0, y=2.0), orientation=Bag(x=0.0, y=0.0, z=0.0, w=1.0))
+    still = Bag(linear=Bag(x=0.0, y=0.0), angular=Bag(z=0.0))
+    now = header(heard.now_ns() / 1e9, "odom")
+    told = Bag(header=now, child_frame_id="base", pose=Bag(pose=place), twist=Bag(twist=still))
+    heard.hear_odometry("/odom", told)
+    assert heard.missing() == []
+    assert heard.wrong() is None
+    body = body_of(robot, bridge, heard.joints, heard.base or FeltBase(np.zeros(3), np.zeros(3), 0))
+    assert (list(body.base_pose), body.sides, body.torso.size) == ([1.0, 2.0, 0.0], (), 0)
+    assert targets_of(robot, bridge, np.array([0.1, 0.2])) == {}
+    told.header = header(heard.now_ns() / 1e9 - 2.0)
+    heard.hear_odometry("/odom", told)
+    wrong = heard.wrong()
+    assert wrong is not None
+    assert wrong[0] == "silent"
+    assert wrong[1].startswith("/odom: the last state is 2.")

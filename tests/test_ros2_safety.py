@@ -187,6 +187,14 @@ def test_states_that_cannot_be_stop_the_robot(
     assert "/joint_states" in str(error)
 
 
+def test_a_place_that_jumps_stops_the_robot(robot: TestRobot, tmp_path: Path) -> None:
+    """A localization that finds the base elsewhere all at once."""
+    with session(tmp_path) as made:
+        error = ending(made, robot, lambda: setattr(robot, "pose", robot.pose + [50.0, 0.0, 0.0]))
+    assert error.reason == "bad_state"
+    assert "does not follow" in str(error)
+
+
 def test_an_old_picture_is_refused(robot: TestRobot, tmp_path: Path) -> None:
     """A camera that lags by seconds: whoever looks is told so, and the robot stops."""
     with session(tmp_path) as made:

@@ -141,14 +141,14 @@ class HeardStates:
     def stamp_ns(self) -> int:
         """When the oldest part of the state was measured. Only of a whole state."""
         assert self.base is not None
-        return min(self.base.stamp_ns, *(self.joints[name].stamp_ns for name in self._needed))
+        return min([self.base.stamp_ns, *(self.joints[name].stamp_ns for name in self._needed)])
 
     def in_step(self) -> bool:
         """Whether every part of the state, and the clock, is of one moment."""
         if self.missing() or self.base is None:
             return False
         stamps = {self.joints[name].stamp_ns for name in self._needed}
-        return stamps == {self.base.stamp_ns} == {self._clock_ns}
+        return stamps | {self.base.stamp_ns} == {self._clock_ns}
 
     def wrong(self) -> tuple[str, str] | None:
         """Reason and sentence if the state cannot be driven by: it is old, ahead, or no state."""
@@ -163,9 +163,9 @@ class HeardStates:
             return None
         assert self.base is not None
         topic, stamp = settings.odometry.topic or "/tf", self.base.stamp_ns
-        oldest = min(self._needed, key=lambda name: self.joints[name].stamp_ns)
-        if self.joints[oldest].stamp_ns < stamp:
-            topic, stamp = f"{' and '.join(settings.state_topics)} (joint {oldest})", self.joints[oldest].stamp_ns
+        for name in self._needed:
+            if self.joints[name].stamp_ns < stamp:
+                topic, stamp = f"{' and '.join(settings.state_topics)} (joint {name})", self.joints[name].stamp_ns
         age_s = (self.now_ns() - stamp) / NS
         if age_s > settings.watchdog_s:
             return "silent", f"{topic}: the last state is {age_s:.2f} s old, {settings.watchdog_s:g} s is the limit"

@@ -11,7 +11,7 @@ from typing import Any
 from mpvi_bt.executive.remote.reading import Reading
 from mpvi_bt.executive.remote.remote_world import RemoteWorld
 from mpvi_bt.executive.ticking.stop import Stop
-from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.errors import BadMessage, RobotError, UserError
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.ros2.bridge_file import Bridge
 from mpvi_bt.runs.ros2.motion_gate import MotionGate
@@ -20,6 +20,23 @@ from mpvi_bt.runs.ros2.ros_node import RobotNode
 from mpvi_bt.runs.ros2.watchdog import Watchdog
 
 _DISCOVERY_S = 1.0  # Our choice: on one machine nodes know each other after some 0.2 s
+
+
+class RosWorld(RemoteWorld):
+    """The world of a robot over ROS 2: a state that does not follow the one before halts it."""
+
+    def __init__(self, robot: RobotDescription, first: Reading, line: RosLine) -> None:
+        """Begin with a state."""
+        super().__init__(robot, first, line)
+        self._gate = line.gate
+
+    def step(self) -> None:
+        """As of `RemoteWorld`. Raises RobotError: the robot was halted."""
+        try:
+            super().step()
+        except BadMessage as error:
+            self._gate.halt("bad_state", str(error))
+            raise RobotError("bad_state", str(error)) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +50,7 @@ class RobotSession:
     """
 
     first: Reading
-    world: RemoteWorld
+    world: RosWorld
     node: RobotNode
     gate: MotionGate
     line: RosLine
@@ -97,7 +114,7 @@ def robot_session(
         line = RosLine(bridge, robot, node, gate, say)
         with Watchdog(node, gate, settings.watchdog_s, settings.lockstep, stop) as watchdog:
             first = line.begin()
-            world = RemoteWorld(robot, first, line)
+            world = RosWorld(robot, first, line)
             yield RobotSession(first, world, node, gate, line, watchdog)
     finally:
         node.close()
