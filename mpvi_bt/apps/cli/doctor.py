@@ -63,6 +63,7 @@ def examine() -> list[Check]:
         _extra("detector", "transformers", "grounding-dino"),
         _extra("recording", "rerun-sdk", "rerun"),
         _extra("mcap", "mcap-ros2-support", "mcap"),
+        _guarded("ros2", False, install("ros2"), _ros2),
         _extra("language", "openai", "openai"),
         _key("OPENAI_API_KEY"),
         _guarded("endpoint", False, "export OPENAI_BASE_URL=http://HOST:PORT/v1", endpoint),
@@ -156,6 +157,13 @@ def _rendering() -> Check:
         return device
     drawn = _probe("rendering", "picture", False, mend)
     return Check("rendering", drawn.ok, False, f"{device.found}: {drawn.found}", drawn.mend)
+
+
+def _ros2() -> str:
+    from mpvi_bt.runs.ros2.ros_packages import require_ros
+
+    require_ros()
+    return "rclpy and its messages can be loaded"
 
 
 def _extra(name: str, module: str, extra: str) -> Check:
