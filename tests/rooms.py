@@ -39,7 +39,8 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     "house": (("states",), ("goals",), ("things", "truth"), ("layout",), ("sim",), ("instances",), ("maniskill",)),
     "runs": (
         ("recording", "disturbances"),
-        ("choices", "datasets"),
+        ("datasets", "symbolic"),
+        ("choices",),
         ("episode",),
         ("suite", "serving"),
         ("ros2",),

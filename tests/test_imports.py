@@ -62,6 +62,7 @@ DISTRIBUTION = {
     "mcp_types": "mcp",
     "rerun": "rerun-sdk",
     "mcap_ros2": "mcap-ros2-support",
+    "unified_planning": "unified-planning",
     "vla_eval": "vla-eval",
     **{name: f"ros-{name.replace('_', '-')}" for name in ("rclpy", *ROS_MESSAGES)},
 }

@@ -59,6 +59,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             address="FILE.gguf",
             optional=True,
         ),
+        "symbolic": Backend("a classical planner, from the task's goal: no model, no plan on file"),
         NOBODY: Backend("no plan: the policy gets the whole instruction and the whole time"),
     },
     "map": {

@@ -46,6 +46,12 @@ def make_planner(
     choice = choose("planner", config.planner)
     if choice.name == "recorded":
         return RecordedPlanner()
+    if choice.name == "symbolic":
+        if task is None:
+            raise UserError("the symbolic planner plans by a goal: name a task, or choose a model.")
+        from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner
+
+        return SymbolicPlanner(task, tell=tell)
     place = house or (task.house if task else None)
     skills = load_skills()
     grounding = ground(place, task, sides_of(config.robot)) if place else None

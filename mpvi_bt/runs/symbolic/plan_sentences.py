@@ -1,0 +1,257 @@
+"""Writes actions as a plan's segments: in the words of the skills' phrases, each with a state that ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Segment
+from mpvi_bt.ground.errors import with_article
+from mpvi_bt.ground.words.phrases import normalize
+from mpvi_bt.runs.symbolic.grounded_actions import GroundedAction
+from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts
+
+_NUMBERS = ("no", "a", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+_UNCHANGED = ("pliers", "dice", "scissors")
+
+
+class Sentences:
+    """Words for actions, with the state in which each is done.
+
+    Args:
+        told: What things are called.
+        start: What is so before the first action.
+    """
+
+    def __init__(self, told: ToldFacts, start: Iterable[Atom]) -> None:
+        self.told, self.now, self.start, self.used = told, set(start), set(start), [""]
+        self.names = {thing: told.name(thing) for thing in told.things}
+
+    def segments(self, actions: list[GroundedAction]) -> tuple[Segment, ...]:
+        """The segments. Waits for things of one kind are one segment."""
+        found: list[Segment] = []
+        for i, action in enumerate(actions):
+            self.now = (self.now - action.drops) | action.adds
+            after = actions[i + 1] if i + 1 < len(actions) else None
+            if action.skill == "wait" and after is not None and self._same_wait(action, after):
+                continue
+            found.append(self._drive(action) if action.skill == "go_to" else self._hands(action))
+            self.used += action.args
+        return tuple(found)
+
+    def _same_wait(self, action: GroundedAction, after: GroundedAction) -> bool:
+        return (
+            after.skill == "wait"
+            and after.args[2] == action.args[2]
+            and self.names[after.args[0]] == self.names[action.args[0]]
+        )
+
+    def _alike(self, thing: str) -> list[str]:
+        """What is called so and is there."""
+        gone = {a[1] for a in self.now if a[0] == "gone"}
+        future = self.told.problem.future - {a[1] for a in self.now if a[0] == "real"}
+        return [t for t, name in self.names.items() if name == self.names[thing] and t not in gone | future]
+
+    def one(self, thing: str) -> str:
+        """A thing, so that what is meant can be told: "the cup", "a cup", "another cup", "the bowl with the leeks"."""
+        name, alike = self.names[thing], self._alike(thing)
+        if len(alike) < 2:
+            return f"the {name}"
+        mine, others = self._inside(thing), [self._inside(t) for t in alike if t != thing]
+        for inner in sorted(mine):
+            if all(inner not in other for other in others):
+                return f"the {name} with the {inner}"
+        for kind in sorted({self.names[a[1]] for a in self.now if a[0] == "held"}):
+            if kind not in mine and any(kind in other for other in others):
+                return f"{with_article(name)} without {with_article(kind)}"
+        if not mine and any(others):
+            return f"the empty {name}"
+        return with_article(name)
+
+    def _inside(self, thing: str) -> set[str]:
+        return {self.names[a[1]] for a in self.now if a[0] == "placed" and a[3] == thing and a[1] in self.names}
+
+    def _drive(self, action: GroundedAction) -> Navigation:
+        (thing,) = action.args
+        room = normalize(self._room(thing))
+        if self.told.is_floor(thing):
+            target, name = room, f"the {room}"
+        else:
+            target, name = self.names[thing], self._other(thing) or self.one(thing)
+        return Navigation(
+            type="navigation",
+            description=f"go to {name}",
+            completion_criterion=f"the robot is at {name}",
+            target=target,
+            room=room or None,
+        )
+
+    def _other(self, thing: str) -> str:
+        """What is like the last thing that something was done to, and that stayed where it was: "the other plant"."""
+        alike = self._alike(thing)
+        last = next((t for t in reversed(self.used) if t in alike), thing)
+        done = any(atom[0] == "covered" and atom[1] == last for atom in self.now - self.start)
+        if last == thing or not done:
+            return ""
+        return f"the other {self.names[thing]}" if len(alike) == 2 else f"another {self.names[thing]}"
+
+    def _room(self, thing: str) -> str:
+        seen, places = thing, {a[1]: a[3] for a in self.now if a[0] == "placed"}
+        while seen in places:
+            seen = places[seen]
+        return self.told.problem.rooms.get(seen, "")
+
+    def _hands(self, action: GroundedAction) -> Manipulation:
+        said, criterion = getattr(self, f"_{action.skill}")(action, *action.args)
+        return Manipulation(type="manipulation", description=said, completion_criterion=criterion)
+
+    def _how(self, action: GroundedAction) -> str:
+        return f" with the {action.hand} hand" if action.hand else ""
+
+    def _many(self, things: Iterable[str], relation: str) -> str:
+        """Things of one kind and a verb, counted: "two bottles are ..."."""
+        found = list(things)
+        name = self.names[found[0]]
+        if len(found) > 1:
+            return f"{_NUMBERS[min(len(found), 10)]} {plural(name)} are {relation}"
+        verb = "are" if name in _UNCHANGED else "is"
+        return f"{self._a(found[0])} {verb} {relation}"
+
+    def _a(self, thing: str) -> str:
+        kinds = [t for t, name in self.names.items() if name == self.names[thing] and t not in self.told.problem.future]
+        return f"the {self.names[thing]}" if len(kinds) < 2 else with_article(self.names[thing])
+
+    def _pick(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
+        return (
+            f"pick up {self._a(thing)}{self._source(place)}{self._how(action)}",
+            f"{self._a(thing)} is held in the {action.hand} gripper",
+        )
+
+    def _source(self, place: str) -> str:
+        return "" if self.told.fixed(place) and not self.told.able(place, "openable") else f" from {self.one(place)}"
+
+    def _lift(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
+        return (
+            f"lift {self._a(thing)}{self._source(place)} with both hands",
+            f"{self._a(thing)} is held with both hands",
+        )
+
+    def _place(self, thing: str, place: str, relation: str, preposition: str) -> str:
+        name = self.names[place]
+        there = [
+            a[1]
+            for a in sorted(self.now)
+            if a[0] == "placed"
+            and a[2] == relation
+            and self.names[a[3]] == name
+            and self.names[a[1]] == self.names[thing]
+        ]
+        return self._many(there, f"{preposition} {self._a(place)}")
+
+    def _before(self, action: GroundedAction, thing: str, place: str, relation: str) -> str:
+        """The place in words, as things were before the thing was put there."""
+        now, held = self.now, {a for a in action.drops if a[0] == "held"}
+        self.now = now - {("placed", thing, relation, place)} | held
+        where = self.one(place)
+        self.now = now
+        return where
+
+    def _place_in(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
+        where = self._before(action, thing, place, "inside")
+        return f"put the {self.names[thing]} in {where}{self._how(action)}", self._place(thing, place, "inside", "in")
+
+    def _place_on(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
+        where = self._before(action, thing, place, "ontop")
+        return f"put the {self.names[thing]} on {where}{self._how(action)}", self._place(thing, place, "ontop", "on")
+
+    def _pair(self, thing: str, target: str) -> tuple[str, str]:
+        """The target of a pair, and as a criterion says it."""
+        if self.names[thing] == self.names[target]:
+            return f"the other {self.names[target]}", f"another {self.names[target]}"
+        return self.one(target), self._a(target)
+
+    def _place_next_to(self, action: GroundedAction, thing: str, target: str, place: str) -> tuple[str, str]:
+        said, told = self._pair(thing, target)
+        if any(a[0] == "under" and a[1] == thing for a in action.adds):
+            below = next(a[2] for a in action.adds if a[0] == "under" and a[1] == thing)
+            there = [a[1] for a in sorted(self.now) if a[0] == "under" and a[2] == below]
+            what = f"put the {self.names[thing]} under {self.one(below)} beside {said}{self._how(action)}"
+            return what, self._many(there, f"under {self._a(below)}")
+        kind = self.told.problem.objects[place].partition(".")[0]
+        surface = kind if self.told.is_floor(place) else self.names[place]
+        so = {a[1] for a in self.now if a[0] == "nextto" and a[2] == target}
+        there = [t for t in sorted(so) if self.names[t] == self.names[thing]]
+        return (
+            f"put the {self.names[thing]} on the {surface} next to {said}{self._how(action)}",
+            self._many(there or [thing], f"next to {told}"),
+        )
+
+    def _place_under(self, action: GroundedAction, thing: str, target: str, place: str) -> tuple[str, str]:
+        there = [a[1] for a in sorted(self.now) if a[0] == "under" and a[2] == target]
+        return (
+            f"put the {self.names[thing]} on the floor under {self.one(target)}{self._how(action)}",
+            self._many(there, f"under {self._a(target)}"),
+        )
+
+    def _open(self, action: GroundedAction, thing: str) -> tuple[str, str]:
+        return f"open {self.one(thing)}{self._how(action)}", f"{self._a(thing)} is open"
+
+    def _close(self, action: GroundedAction, thing: str) -> tuple[str, str]:
+        shut = [t for t in self._alike(thing) if ("open", t) not in self.now]
+        return f"close {self.one(thing)}{self._how(action)}", self._many(shut, "closed")
+
+    def _press(self, action: GroundedAction, thing: str, state: str) -> tuple[str, str]:
+        return f"turn {state} {self.one(thing)}{self._how(action)}", f"{self._a(thing)} is turned {state}"
+
+    def _wipe(self, action: GroundedAction, thing: str, tool: str, marks: str) -> tuple[str, str]:
+        return f"wipe {self.one(thing)} with the {self.names[tool]}", f"{self._a(thing)} is clean"
+
+    def _spray(self, action: GroundedAction, thing: str, tool: str) -> tuple[str, str]:
+        done = [t for t in self._alike(thing) if any(a[0] == "covered" and a[1] == t for a in self.now)]
+        other = "the other" if len(done) > 1 and len(self._alike(thing)) == 2 else "the"
+        return f"spray {other} {self.names[thing]} with the {self.names[tool]}", self._many(done, "sprayed")
+
+    def _light(self, action: GroundedAction, thing: str, tool: str) -> tuple[str, str]:
+        return f"light {self.one(thing)} with the {self.names[tool]}", f"{self._a(thing)} burns"
+
+    def _mount(self, action: GroundedAction, thing: str, target: str) -> tuple[str, str]:
+        return (
+            f"mount the {self.names[thing]} on {self.one(target)}{self._how(action)}",
+            f"the {self.names[thing]} is attached to {self._a(target)}",
+        )
+
+    def _cut(self, action: GroundedAction, thing: str, place: str, tool: str, *pieces: str) -> tuple[str, str]:
+        half = any("half" in self.names[piece].split() for piece in pieces)
+        left = [t for t in self._alike(thing) if t != thing]
+        what = f"the {self.names[thing]}" if not left else with_article(self.names[thing])
+        there = [t for t in self._alike(pieces[0]) if ("real", t) in self.now]
+        if left and len(there) < 2:
+            end = self._many(there, f"on the {self.names[place]}")
+        elif len(there) < 2:
+            end = (
+                f"no {self.names[thing]} is whole"
+                if half
+                else f"the {self.names[pieces[0]]} is on the {self.names[place]}"
+            )
+        else:
+            end = f"there are {_NUMBERS[min(len(there), 10)]} {plural(self.names[pieces[0]])}"
+        return f"{'cut' if half else 'dice'} {what} on the {self.names[place]} with the {self.names[tool]}", end
+
+    def _wait(self, action: GroundedAction, thing: str, place: str, state: str) -> tuple[str, str]:
+        done = [t for t in self._alike(thing) if (state, t) in self.now]
+        names = plural(self.names[thing]) if len(done) > 1 else self.names[thing]
+        verb = "are" if len(done) > 1 else "is"
+        if state == "on_fire":
+            if len(done) > 1:
+                return f"wait until the {names} {verb} burning", f"{_NUMBERS[min(len(done), 10)]} {names} burn"
+            return f"wait until the {names} {verb} burning", f"the {names} burns"
+        return f"wait until the {names} {verb} {state}", self._many(done, state)
+
+
+def plural(name: str) -> str:
+    """Several of what is called so: "cans of soda"."""
+    head, of, rest = name.partition(" of ")
+    if head.endswith(("s", "x", "ch", "sh")):
+        return f"{head}es{of}{rest}" if head not in _UNCHANGED else name
+    if head.endswith("y") and head[-2:-1] not in "aeiou":
+        return f"{head[:-1]}ies{of}{rest}"
+    return f"{head}s{of}{rest}"

@@ -1,0 +1,114 @@
+"""The planner `symbolic`: from a task's goal and facts to a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mpvi_bt.executive.plan.history import History
+from mpvi_bt.executive.plan.planners import NoPlan, Planned
+from mpvi_bt.executive.plan.schema import Plan
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.house.goals.formula import Literal
+from mpvi_bt.house.instances.tasks import Task
+from mpvi_bt.runs.symbolic.action_search import find_actions
+from mpvi_bt.runs.symbolic.goal_choice import IMPOSSIBLE, choose_literals
+from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, Actions
+from mpvi_bt.runs.symbolic.plan_sentences import Sentences
+from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts, told_facts
+
+LIMIT_S = 10.0  # our choice [s of wall time]
+_SKILL_OF = {  # what brings a predicate about
+    "inside": "place_in", "ontop": "place_on", "nextto": "place_next_to", "under": "place_under", "open": "open",
+    "toggled_on": "press", "cooked": "wait", "frozen": "wait", "hot": "wait", "on_fire": "light", "covered": "wipe",
+    "attached": "mount", "real": "cut", "gone": "cut",
+}  # fmt: skip
+
+
+class SymbolicPlanner:
+    """Plans a task by its goal: a classical search over what the skills need and bring about.
+
+    It reads what the robot is told, the task's problem and its house, and no state of the simulator.
+    """
+
+    name = "symbolic"
+
+    def __init__(self, task: Task, limit_s: float = LIMIT_S, tell: Callable[[str], None] = lambda line: None) -> None:
+        """`limit_s` bounds each search [s of wall time]; `tell` is told in a line when one took too long."""
+        self._task, self._limit_s, self._tell = task, limit_s, tell
+
+    def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
+        """As `Planner.ask`. Raises UserError with a history: what is known then is not read yet."""
+        if history is not None:
+            raise UserError("the symbolic planner cannot plan the rest of a task yet; choose --planner openai:MODEL.")
+        told = told_facts(self._task)
+        wanted = choose_literals(told.problem.goal, lambda literal, so: _cost(told, literal, so))
+        start = told.start | {("free", hand) for hand in HANDS}
+        goal, never = ends(told, wanted)
+        actions = Actions(told, wanted, goal).all()
+        possible = start.union(*(action.adds for action in actions))
+        if lost := sorted(goal - possible):
+            raise NoPlan("bad_answer", f"no skill brings {_literal(lost[0])} about{_nearest(lost[0])}", ())
+        found = find_actions(actions, start, goal, never, self._limit_s, self._tell)
+        if found is None:
+            raise NoPlan("bad_answer", f"no plan for {task_name} was found in {self._limit_s:g} s", ())
+        segments = Sentences(told, start).segments([action for action in found if action.skill])
+        if not segments:
+            raise NoPlan("nothing_left", "the goal is met at the start", ())
+        return Planned(Plan(task_name=task_name, instruction=instruction or self._task.instruction, segments=segments))
+
+
+def ends(told: ToldFacts, wanted: dict[Literal, bool]) -> tuple[frozenset[Atom], frozenset[Atom]]:
+    """What has to be so at the end, and what must not be: the goal, and what courtesy asks.
+
+    Our choice: who opened a fridge closes it, and who turned on a stove turns it off.
+    """
+    goal: set[Atom] = set()
+    never: set[Atom] = set()
+    for literal, so in wanted.items():
+        (goal if so or literal.predicate == "real" else never).add(_atom(told, wanted, literal, so))
+    for thing, entry in told.entries.items():
+        if told.fixed(thing) and entry.source is not None:
+            kept = ("open", thing) if entry.source.at_c < 0 else ("toggled_on", thing)
+            if kept not in goal and kept not in told.start:
+                never.add(kept)
+    return frozenset(goal), frozenset(never)
+
+
+def _atom(told: ToldFacts, wanted: dict[Literal, bool], literal: Literal, so: bool) -> Atom:
+    predicate, args = literal.predicate, literal.args
+    match predicate:
+        case "ontop" | "touching":
+            return ("placed", args[0], "ontop", args[1])
+        case "contains" | "filled":
+            return ("placed", args[1], "inside", args[0])
+        case "inside":
+            for other, wants in wanted.items():  # what lies on something that is to be inside is inside with it
+                rests = other.predicate == "ontop" and other.args[0] == args[0]
+                if so and wants and rests and not told.fixed(other.args[1]):
+                    return ("placed", other.args[1], "inside", args[1])
+            return ("placed", args[0], "inside", args[1])
+        case "real":
+            return ("real" if so else "gone", *args)
+    return (predicate, *args)
+
+
+def _cost(told: ToldFacts, literal: Literal, so: bool) -> float:
+    """What a literal costs, roughly: nothing if it is so, else hands and a drive, more into another room."""
+    atom = _atom(told, {}, literal, so)
+    if literal.predicate != "real" and (atom in told.start) == so:
+        return 0.0
+    if literal.predicate == "attached" and not so:
+        return IMPOSSIBLE
+    rooms = {told.room_of(thing) for thing in literal.args} - {""}
+    return DRIVE_COST * max(len(rooms), 1) + 2.0
+
+
+def _literal(atom: Atom) -> str:
+    if atom[0] == "placed":
+        return f"{atom[2]}({atom[1]}, {atom[3]})"
+    return f"{atom[0]}({', '.join(atom[1:])})"
+
+
+def _nearest(atom: Atom) -> str:
+    skill = _SKILL_OF.get(atom[2] if atom[0] == "placed" else atom[0])
+    return f"; the nearest skill is {skill}" if skill else ""
