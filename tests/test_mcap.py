@@ -6,7 +6,7 @@ import json
 import re
 import struct
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -27,32 +27,17 @@ from mpvi_bt.runs.recording.ros_values import joint_states
 from mpvi_bt.runs.suite.play import Kept
 from mpvi_bt.testing import scripted_context
 from tests.conftest import Shell
+from tests.mcap_reading import mcap_rows
 from tests.search_views import MadeUpSearch, look, searching
 from tests.test_recorders import SKILLS, SPEC, Interrupting, VisibleWorld, watch
 from tests.without_library import without
 
 pytest.importorskip("mcap_ros2", reason="needs the extra 'mcap'")
 
-Row = tuple[int, str, Any]  # log time [ns], name of the type, message
-
 EVERY_STEP = {"/joint_states", "/joint_commands", "/cmd_vel", "/odom"}
 PICTURES = {
     "/head/color/image_raw/compressed", "/head/color/camera_info", "/head/depth/image_raw", "/head/depth/camera_info",
 }  # fmt: skip
-
-
-def rows(file: Path) -> dict[str, list[Row]]:
-    """Topic to its messages in their order, of a file that was closed."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    found = defaultdict(list)
-    with file.open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for schema, channel, message, value in reader.iter_decoded_messages():
-            assert schema is not None
-            found[channel.topic].append((message.log_time, schema.name, value))
-    return dict(found)
 
 
 def recovered(file: Path) -> list[tuple[str, int, bytes]]:
@@ -102,7 +87,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Felt]:
 def test_a_recording_tells_of_every_step(recording: tuple[Path, Felt]) -> None:
     """Joints, commands and base at each; pictures, tree and map where they are due; times rise by a step."""
     file, felt = recording
-    logged = rows(file)
+    logged = mcap_rows(file)
     assert {*EVERY_STEP, *PICTURES, "/tf", "/map", "/tree/text", "/tree/json", "/rosout"} == logged.keys()
     assert {topic: len(logged[topic]) for topic in EVERY_STEP} == dict.fromkeys(EVERY_STEP, len(felt.felt))
     times = [time for time, _, _ in logged["/joint_states"]]
@@ -116,7 +101,7 @@ def test_a_recording_tells_of_every_step(recording: tuple[Path, Felt]) -> None:
 def test_joints_and_base_are_those_that_were_felt(recording: tuple[Path, Felt]) -> None:
     """By the robot's names: torso, arms, and fingers, which together are as far apart as the gripper is open."""
     file, felt = recording
-    logged = rows(file)
+    logged = mcap_rows(file)
     robot = robot_named(felt.felt[0].robot)
     for (_, _, joints), (_, _, told), (_, _, base), body, action in zip(
         *(logged[topic] for topic in ("/joint_states", "/joint_commands", "/odom")), felt.felt, felt.told, strict=True
@@ -142,7 +127,7 @@ def test_a_picture_is_the_one_that_was_seen_where_it_was_seen(tmp_path: Path) ->
     search.image.depth[::2] = 1.2346
     file = tmp_path / "run.mcap"
     watch(VisibleWorld(), McapLog(file, search.map, search))
-    logged = rows(file)
+    logged = mcap_rows(file)
     (time, _, color), (_, _, depth), (_, _, info) = (
         logged[f"/head/{name}"][0] for name in ("color/image_raw/compressed", "depth/image_raw", "depth/camera_info")
     )
@@ -153,7 +138,7 @@ def test_a_picture_is_the_one_that_was_seen_where_it_was_seen(tmp_path: Path) ->
     assert (depth.encoding, depth.step) == ("16UC1", 2 * depth.width)
     assert {*millimeters[::2].ravel()} == {1235}
     assert {*millimeters[1::2].ravel()} == {2000}
-    assert list(info.k) == search.image.K.ravel().tolist()
+    assert np.allclose(np.reshape(info.k, (3, 3)), search.image.K - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])  # ROS's zero
     placed = {
         moved.child_frame_id: (moved.header.frame_id, matrix(moved.transform))
         for at, _, message in logged["/tf"]
@@ -171,7 +156,7 @@ def test_a_searched_picture_is_written_once_and_spares_a_rendering(tmp_path: Pat
     def renderings(search: MadeUpSearch | None) -> list[int]:
         file = tmp_path / "run.mcap"
         watch(VisibleWorld(), McapLog(file, None, search))
-        return [round(time * 30e-9) for time, _, _ in rows(file)["/head/color/image_raw/compressed"]]
+        return [round(time * 30e-9) for time, _, _ in mcap_rows(file)["/head/color/image_raw/compressed"]]
 
     every = list(range(0, 61, 6))
     assert renderings(None) == every
@@ -193,7 +178,7 @@ def test_the_map_is_written_where_it_changed(tmp_path: Path) -> None:
 
     file = tmp_path / "run.mcap"
     watch(VisibleWorld(), Learning(), McapLog(file, search.map, search))
-    logged = rows(file)["/map"]
+    logged = mcap_rows(file)["/map"]
     assert [round(time * 1e-9, 2) for time, _, _ in logged] == [0.0, 1.0, 2.0]
     grid = logged[0][2]
     cells = np.array(grid.data).reshape(grid.info.height, grid.info.width)
@@ -211,7 +196,7 @@ def test_the_tree_and_what_happened_are_told(tmp_path: Path) -> None:
     outcome = run_episode(
         tree, world, scripted_context(world, SKILLS, {}, {}), [McapLog(file, MadeUpSearch().map)], 60.0
     )
-    logged = rows(file)
+    logged = mcap_rows(file)
     told = [(time, line.level, line.name, line.msg) for time, _, line in logged["/rosout"]]
     assert outcome.log.failures
     for failure in outcome.log.failures:
@@ -231,7 +216,7 @@ def test_after_ctrl_c_the_recording_is_whole(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     with pytest.raises(KeyboardInterrupt):
         watch(VisibleWorld(), McapLog(file, MadeUpSearch().map), Interrupting())
-    assert "interrupted" in rows(file)["/rosout"][-1][2].msg
+    assert "interrupted" in mcap_rows(file)["/rosout"][-1][2].msg
 
 
 def test_a_killed_run_can_be_read_but_for_its_last_chunk(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from mpvi_bt.runs.ros2.bridge_file import load_bridge
 from mpvi_bt.runs.ros2.ros_episode import play_on_robot
 from mpvi_bt.runs.serving.served import ServedWork
 from tests.loopback import alone
+from tests.mcap_reading import mcap_rows
 from tests.ros_robot import FETCH, TestRobot, write_bridge
 
 pytestmark = pytest.mark.slow
@@ -44,10 +45,12 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Iterator[TestRobot]:
         yield robot
 
 
-def played(folder: Path, out: dict[str, Any], tree: str = TREE) -> threading.Thread:
+def played(folder: Path, out: dict[str, Any], tree: str = TREE, mcap: Path | None = None) -> threading.Thread:
     """Plays a tree in a thread of its own; `out` gets the result."""
     (folder / "tree.yaml").write_text(tree)
-    config = EpisodeConfig("", tree=str(folder / "tree.yaml"), robot="fetch", map="online", policy="reactive")
+    config = EpisodeConfig(
+        "", tree=str(folder / "tree.yaml"), robot="fetch", map="online", policy="reactive", mcap=mcap
+    )
     bridge = load_bridge(write_bridge(folder), FETCH)
 
     def work() -> None:
@@ -94,6 +97,20 @@ def test_the_run_is_published(robot: TestRobot, tmp_path: Path) -> None:
     told = json.loads((tmp_path / "waiting_ros2.json").read_text())
     assert told["ros2"]["commands"] > 30
     assert told["ros2"]["state_to_command_ms"]["median"] > 0
+
+
+def test_a_run_on_a_robot_is_recorded(robot: TestRobot, tmp_path: Path) -> None:
+    """Its joints by name and its base at each step; the recorder asks for no picture, which could stop the robot."""
+    pytest.importorskip("mcap_ros2", reason="needs the extra 'mcap'")
+    file = tmp_path / "run.mcap"
+    out: dict[str, Any] = {}
+    played(tmp_path, out, mcap=file).join(timeout=60)
+    assert out.get("success") is True, out
+    logged = mcap_rows(file)
+    assert len(logged["/joint_states"]) == len(logged["/odom"]) > 30
+    assert {*FETCH.arm_joints["right"]} < {*logged["/joint_states"][0][2].name}
+    assert not [topic for topic in logged if "color" in topic]
+    assert "succeeded" in logged["/rosout"][-1][2].msg
 
 
 def test_a_run_is_paused_and_goes_on(robot: TestRobot, tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ class _WithHouse(click.Group):
     help="Fill in a parameter of the tree.",
     shell_complete=complete_param,
 )
-@settings("tree", "plan", "seed")
+@settings("tree", "plan", "seed", "mcap")
 @method("robot", *_HERE)
 @settings(*_HERE, *ASKING)
 @out_folder("runs", "Folder of result and trace.")
@@ -106,10 +106,14 @@ def _run(
     require_ros()
     from mpvi_bt.executive.ticking.live import LiveTree
     from mpvi_bt.executive.ticking.loop import Subscriber
+    from mpvi_bt.runs.recording.mcap_log import require_mcap
     from mpvi_bt.runs.ros2.ros_episode import play_on_robot
     from mpvi_bt.runs.serving.served import ServedWork
 
     check_writable(out)
+    if executive["mcap"]:
+        require_mcap()
+        check_writable(executive["mcap"].parent)
     config = EpisodeConfig(task, robot=robot, arguments=tuple(arguments(params).items()), **executive)  # type: ignore[arg-type]
     watchers: list[Subscriber] = []
     if watch:

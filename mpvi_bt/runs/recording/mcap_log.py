@@ -48,6 +48,7 @@ class McapLog(Watcher):
         grid_map: The map, where no search has one; None: there is none.
         search: What a search knows, if the robot searches.
         frames_per_s: Of pictures, cameras' poses and the tree, in simulated time; 30 at most.
+        looks: Whether the head looks where no picture was searched. A real robot would wait for the picture.
     """
 
     def __init__(
@@ -56,7 +57,9 @@ class McapLog(Watcher):
         grid_map: OccupancyMap | None = None,
         search: SearchView | None = None,
         frames_per_s: float = 5.0,
+        looks: bool = True,
     ) -> None:
+        self._looks = looks
         self._path, self._map, self._search = Path(file), grid_map, search
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._head, self._window, self._news = Head(search), Window(), News()
@@ -95,7 +98,7 @@ class McapLog(Watcher):
             self._body(felt)
             self._happened(tree)
             image = self._head.fresh(world)
-            if image is None and due:
+            if image is None and due and self._looks:
                 image = world.robot.look("head")
             if image is not None and image is not self._image:
                 self._image = image

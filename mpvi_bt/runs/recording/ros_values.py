@@ -24,7 +24,14 @@ Value = dict[str, Any]
 
 def optical_frame(camera: str) -> str:
     """The frame of a camera: x right, y down, z forward (REP 103)."""
-    return f"{camera}_optical_frame"
+    return f"{camera}_camera_optical_frame"
+
+
+def intrinsics(image: CameraImage) -> Array:
+    """(3, 3) [px], as ROS has them: the middle of the first pixel is at 0, by ours at 0.5."""
+    K = image.K.copy()
+    K[:2, 2] -= 0.5
+    return K
 
 
 def nanoseconds(time_s: float) -> int:
@@ -134,16 +141,16 @@ def depth_picture(time_s: float, image: CameraImage) -> Value:
 def camera_info(time_s: float, image: CameraImage) -> Value:
     """`sensor_msgs/CameraInfo` of pictures without distortion."""
     height, width = image.rgb.shape[:2]
-    K = [float(k) for k in image.K.ravel()]
+    K = intrinsics(image)
     return {
         "header": header(time_s, optical_frame(image.camera)),
         "height": height,
         "width": width,
         "distortion_model": "plumb_bob",
         "d": [0.0] * 5,
-        "k": K,
-        "r": [float(r) for r in np.eye(3).ravel()],
-        "p": [float(p) for p in np.column_stack([image.K, np.zeros(3)]).ravel()],
+        "k": K.ravel().tolist(),
+        "r": np.eye(3).ravel().tolist(),
+        "p": np.column_stack([K, np.zeros(3)]).ravel().tolist(),
         "binning_x": 0,
         "binning_y": 0,
         "roi": dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0) | {"do_rectify": False},

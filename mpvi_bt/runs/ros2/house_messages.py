@@ -12,9 +12,9 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.runs.recording.ros_values import BASE, intrinsics, optical_frame
 
-ODOM, BASE = "odom", "base_link"
-_PIXEL = 0.5  # ROS counts pixels from their middles, we from their corners
+ODOM = "odom"
 
 
 def time_message(ns: int) -> Time:
@@ -71,17 +71,11 @@ def camera_info(picture: CameraImage, stamp: Time) -> CameraInfo:
     height, width = picture.depth.shape
     message = CameraInfo(height=height, width=width, distortion_model="plumb_bob", d=[0.0] * 5)
     message.header.stamp, message.header.frame_id = stamp, optical_frame(picture.camera)
-    K = picture.K.copy()
-    K[:2, 2] -= _PIXEL
+    K = intrinsics(picture)
     message.k = K.ravel().tolist()
     message.r = np.eye(3).ravel().tolist()
     message.p = np.column_stack([K, np.zeros(3)]).ravel().tolist()
     return message
-
-
-def optical_frame(camera: str) -> str:
-    """The name of a camera's frame: x right, y down, z forward."""
-    return f"{camera}_camera_optical_frame"
 
 
 def _image(picture: CameraImage, pixels: NDArray[np.generic], encoding: str, stamp: Time) -> Image:

@@ -20,6 +20,7 @@ from mpvi_bt.executive.tree.build import Tree
 from mpvi_bt.executive.tree.compile import compile_instruction, compile_plan
 from mpvi_bt.executive.tree.relevant import task_relevant
 from mpvi_bt.executive.tree.substitute import stand_ins
+from mpvi_bt.finding.navigation.exploring import ExploringNavigator
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BadMessage, NodeError, UserError, nearest, shown
 from mpvi_bt.ground.human import task_of_id
@@ -35,6 +36,7 @@ from mpvi_bt.runs.episode.capability_checks import check_hands
 from mpvi_bt.runs.episode.prepare import Prepared, arrangement, check_backends, prepare
 from mpvi_bt.runs.episode.result import write_json
 from mpvi_bt.runs.episode.unscored_result import unscored_result
+from mpvi_bt.runs.recording.mcap_log import McapLog
 from mpvi_bt.runs.recording.recorder import Recorder
 
 _PARTING_S = 5.0  # for the results of episodes that the end cuts off
@@ -172,6 +174,9 @@ def play_episode(
     own: list[Subscriber] = [last]
     if config.trace is not None:
         own.append(Recorder(config.trace, config.record(), config.seed))
+    if config.mcap is not None:
+        search = parts.navigator if isinstance(parts.navigator, ExploringNavigator) else None
+        own.append(McapLog(config.mcap, search=search, looks=False))
     wrong: dict[str, Any] = {}
     result: dict[str, Any] = {}
     try:
