@@ -224,16 +224,13 @@ class Sentences:
         left = [t for t in self._alike(thing) if t != thing]
         what = f"the {self.names[thing]}" if not left else with_article(self.names[thing])
         there = [t for t in self._alike(pieces[0]) if ("real", t) in self.now]
-        if left and len(there) < 2:
-            end = self._many(there, f"on the {self.names[place]}")
-        elif len(there) < 2:
-            end = (
-                f"no {self.names[thing]} is whole"
-                if half
-                else f"the {self.names[pieces[0]]} is on the {self.names[place]}"
-            )
-        else:
+        before = [t for t in self.told.things if self.names[t] == self.names[thing] and ("gone", t) in self.now]
+        if len(there) > 1:
             end = f"there are {_NUMBERS[min(len(there), 10)]} {plural(self.names[pieces[0]])}"
+        elif not left and (half or len(before) > 1):
+            end = f"no {self.names[thing]} is whole"
+        else:
+            end = f"the {self.names[pieces[0]]} is on the {self.names[place]}"
         return f"{'cut' if half else 'dice'} {what} on the {self.names[place]} with the {self.names[tool]}", end
 
     def _wait(self, action: GroundedAction, thing: str, place: str, state: str) -> tuple[str, str]:

@@ -50,7 +50,8 @@ class SymbolicPlanner:
             raise NoPlan("bad_answer", f"no skill brings {_literal(lost[0])} about{_nearest(lost[0])}", ())
         found = find_actions(actions, start, goal, never, self._limit_s, self._tell)
         if found is None:
-            raise NoPlan("bad_answer", f"no plan for {task_name} was found in {self._limit_s:g} s", ())
+            why = f"no actions lead to the goal of {task_name}, or the search took more than {self._limit_s:g} s"
+            raise NoPlan("bad_answer", why, ())
         segments = Sentences(told, start).segments([action for action in found if action.skill])
         if not segments:
             raise NoPlan("nothing_left", "the goal is met at the start", ())
