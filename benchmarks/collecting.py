@@ -76,7 +76,7 @@ def commit() -> str:
     def git(*words: str) -> str:
         return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
 
-    if changed := git("status", "--porcelain", "--", "mpvi_bt", "tasks", "skills", "trees", "policies"):
+    if changed := git("status", "--porcelain", "--", "mpvi_bt", "tasks", "skills", "trees", "policies", "robots"):
         raise UserError(f"the working tree is not its commit ({changed.splitlines()[0].strip()}); give --commit")
     return git("rev-parse", "--short", "HEAD")
 

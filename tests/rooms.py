@@ -20,8 +20,8 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     "ground": (
         ("errors", "version"),
         ("yaml_reader", "compiled", "import_paths", "standard_streams", "moved"),
-        ("file_kinds",),
-        ("geometry", "words", "paths", "marked_yaml", "writing", "proxies"),
+        ("file_kinds", "malformed"),
+        ("geometry", "words", "paths", "marked_yaml", "marked_xml", "writing", "proxies"),
         ("robot", "extras", "cost"),
         ("protocols", "human"),
         ("action_chunk",),

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.executive.remote.joint_dialects import DIALECTS
 from mpvi_bt.ground.errors import BadMessage
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.behavior_robot.behavior_layout import (
     BASE_UNITS,
-    DIALECTS,
     FIELDS,
     SIZE,
     action_for,

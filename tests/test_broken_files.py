@@ -21,7 +21,7 @@ from mpvi_bt.ground.marked_yaml import Location, load_marked
 ROOT = paths.shipped()
 GOOD = sorted(
     path
-    for folder in ("trees", "skills", "tasks", "policies", "bridges")
+    for folder in ("trees", "skills", "tasks", "policies", "robots", "bridges")
     for path in (ROOT / folder).rglob("*")
     if path.suffix in (".yaml", ".json") and path.parent.name != "schema"
 )
@@ -39,6 +39,7 @@ REQUIRED = {  # by folder
     "suites": {"tasks", "instances"},
     "methods": {"about", "planner", "policy", "checker", "trigger"},
     "policies": {"camera", "part", "at"},
+    "robots": {"urdf", "joints"},
     "bridges": {"joint_states", "odometry", "base", "color", "depth", "info"},
     "tasks": {"instruction", "problem", "house", "plan", "can__of__soda.n.01"},
 }
@@ -389,6 +390,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "trees", root / "trees")
     for path in GOOD:
         (root / path.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
+    for urdf in (ROOT / "robots").glob("*.urdf"):
+        shutil.copy(urdf, root / "robots")
     return root
 
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from mpvi_bt.executive.btcpp.export import to_xml
 from mpvi_bt.executive.btcpp.format import ATTRIBUTES, NODES, kind_below
 from mpvi_bt.executive.btcpp.importing import ImportedTrees, from_xml
-from mpvi_bt.executive.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.executive.btcpp.models import PORTS
 from mpvi_bt.ground.errors import FileProblems, Problem
+from mpvi_bt.ground.marked_xml import Element, parse_xml
 from tests.btcpp_constructs import CONSTRUCTS, outcome, table, xml_of
 
 PAGE = Path(__file__).parents[1] / "docs" / "btcpp_constructs.md"

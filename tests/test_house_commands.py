@@ -27,7 +27,7 @@ def answer(house, step: int, velocity=(0.0, 0.0, 0.0), without=()):
         house.drive(BASE, stamp, velocity)
     for entry in (*BRIDGE.joints, *BRIDGE.grippers.values()):
         if entry.topic not in without:
-            house.follow(entry.topic, stamp, entry.joints[:1], [1 / 30], [[0.0]])
+            house.follow(entry.topic, stamp, (entry.joints or ())[:1], [1 / 30], [[0.0]])
 
 
 def test_a_state_is_answered_by_every_topic() -> None:

@@ -29,7 +29,7 @@ def test_the_wheel_holds_every_data_file(installed: Path) -> None:
     """All data of the checkout, such as its trees, is in the wheel, and its types are marked."""
     ours = {
         p.relative_to(ROOT)
-        for name in ("trees", "skills", "tasks", "policies", "bridges")
+        for name in ("trees", "skills", "tasks", "policies", "robots", "bridges")
         for p in (ROOT / name).rglob("*")
         if p.is_file()
     }

@@ -134,11 +134,11 @@ def test_set_overrides_methods_and_options_override_set() -> None:
     )  # fmt: skip
 
 
-def test_the_robots_that_can_be_chosen_are_those_that_there_are() -> None:
-    """Their names are part of a type, which no registry can be asked for."""
+def test_the_robots_that_are_offered_are_those_that_there_are() -> None:
+    """Tab completion has the names of their files."""
     (option,) = (option for option in run.params if option.name == "robot")
-    assert isinstance(option.type, click.Choice)
-    assert set(option.type.choices) == set(ROBOTS)
+    context = run.make_context("run", ["turning_on_radio"])
+    assert {item.value for item in option.shell_complete(context, "")} >= set(ROBOTS)
 
 
 def test_the_names_of_shipped_methods_are_those_of_settings() -> None:

@@ -11,7 +11,7 @@ import pytest
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import SIDES
-from mpvi_bt.ground.robot.robots import ROBOTS, sides_of
+from mpvi_bt.ground.robot.robots import ROBOTS, model_named, sides_of
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.robots.r1_urdf import r1_urdf
@@ -152,7 +152,7 @@ def test_every_joint_has_its_drive() -> None:
 @pytest.mark.parametrize("robot", list(ROBOTS))
 def test_a_model_writes_the_robot_that_it_is_of(robot: str) -> None:
     """Every joint, link and camera of the model is in the URDF that it writes."""
-    model = ROBOTS[robot]
+    model = model_named(robot)
     assert sides_of(robot) == model.sides  # known before a model loads
     written = ElementTree.fromstring(model.urdf())
     joints, links = ({element.attrib["name"] for element in written.iter(kind)} for kind in ("joint", "link"))

@@ -46,7 +46,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A checkout whose package has neither hands nor a house."""
     root = tmp_path_factory.mktemp("wings")
     shutil.copytree(PACKAGE, root / "mpvi_bt", ignore=shutil.ignore_patterns("__pycache__", "hands", "house"))
-    for folder in ("trees", "skills", "tasks", "policies", "bridges"):
+    for folder in ("trees", "skills", "tasks", "policies", "robots", "bridges"):
         (root / folder).symlink_to(PACKAGE.parent / folder)
     (root / "mine.py").write_text(POLICY + PLANNER)
     return root

@@ -119,6 +119,14 @@ KINDS = (
         "mpvi ros2 --bridge FILE",
         "mpvi_bt.runs.ros2.bridge_file:check_bridge",
     ),
+    FileKind(
+        "a robot",
+        frozenset({"urdf", "base", "cameras", "arms", "grippers"}),
+        "robots",
+        "--robot FILE",
+        "mpvi_bt.ground.robot.robot_reading:check_robot_file",
+        "mpvi_bt.ground.robot.robot_reading:lint_robot_file",
+    ),
     FileKind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
     FileKind(
         "a result of an episode", frozenset({"q_score", "goal_fraction", "rollout_id", "config"}), "", "mpvi suite"
@@ -137,7 +145,7 @@ def kind_of(data: Any, marks: SourceMarks) -> FileKind:
     folder = Path(marks.file).resolve().parent.name
     kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
     if not keys & kind.keys and kind.folder != folder:
-        known = "; ".join(f"{kind.noun} ({', '.join(sorted(kind.keys))})" for kind in KINDS if kind.check)
+        known = "; ".join(f"{kind.noun} ({', '.join(sorted(kind.keys)[:3])})" for kind in KINDS if kind.check)
         raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
     return kind
 

@@ -60,6 +60,8 @@ MODULES: Mapping[str, str] = {  # modules that went elsewhere than their room, o
     "action_rows": "ground.robot.action_rows",
     "api": "apps.api",
     "base_ramp": "ground.robot.base_ramp",
+    "btcpp.malformed": "ground.malformed",
+    "btcpp.marked_xml": "ground.marked_xml",
     "cli.given": "apps.cli.argument_types",
     "compiled": "ground.compiled",
     "completion.visual": "finding.perception.visual_checker",

@@ -1,8 +1,8 @@
-"""Where trees, skills, tasks and the settings of policies are: shipped with mpvi_bt, and in a user's own folders.
+"""Where trees, skills, tasks, robots and settings of policies are: shipped with mpvi_bt, and in a user's own folders.
 
-A root is a folder that holds `trees/`, `skills/`, `tasks/`, `policies/` and `bridges/`. Folders named in the
-environment variable `MPVI_PATH` (separated by ":", as in PATH) are searched first, so that a user's file of the same
-name wins; then comes what mpvi_bt ships, inside the installed package or in a checkout.
+A root is a folder that holds `trees/`, `skills/`, `tasks/`, `policies/`, `robots/` and `bridges/`. Folders named in
+the environment variable `MPVI_PATH` (separated by ":", as in PATH) are searched first, so that a user's file of the
+same name wins; then comes what mpvi_bt ships, inside the installed package or in a checkout.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mpvi_bt.ground.errors import UnknownName, UserError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 SUFFIXES = (".yaml", ".yml", ".json")  # of data files; of namesakes in one folder the first one counts
-_FOLDERS = ("trees", "skills", "tasks", "policies", "bridges")
+_FOLDERS = ("trees", "skills", "tasks", "policies", "robots", "bridges")
 
 
 def shipped() -> Path:

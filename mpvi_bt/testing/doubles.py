@@ -17,7 +17,8 @@ from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.errors import BackendError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement, Progress, Report, StepClock, TriggerEvent
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT, CameraImage, Proprioception, Robot, Side
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Proprioception, Robot, Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import layout_of, robot_named
 

@@ -114,7 +114,7 @@ def _run(
     if executive["mcap"]:
         require_mcap()
         check_writable(executive["mcap"].parent)
-    config = EpisodeConfig(task, robot=robot, arguments=tuple(arguments(params).items()), **executive)  # type: ignore[arg-type]
+    config = EpisodeConfig(task, robot=robot, arguments=tuple(arguments(params).items()), **executive)
     watchers: list[Subscriber] = []
     if watch:
         watchers.append(LiveTree(sys.stderr if as_json else results(), f"{robot} over ROS 2"))

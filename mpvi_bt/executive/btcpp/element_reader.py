@@ -13,7 +13,6 @@ from mpvi_bt.executive.behaviors.registry import node_types
 from mpvi_bt.executive.btcpp import equivalents, mapping, nav2
 from mpvi_bt.executive.btcpp.condition_script import ScriptTest, read_condition
 from mpvi_bt.executive.btcpp.file import EXPLICIT, XmlFile, below, place_of, tag_of
-from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.executive.btcpp.placeholders import is_foreign, parameters_of
 from mpvi_bt.executive.btcpp.script import escaped, read_assignments
 from mpvi_bt.executive.btcpp.subtree_ports import Calls
@@ -21,6 +20,7 @@ from mpvi_bt.executive.tree.reader import MAX_DEPTH, MAX_NODES, read
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.tree_file import TreeReading
 from mpvi_bt.ground.errors import FileProblems, shown
+from mpvi_bt.ground.marked_xml import Element
 from mpvi_bt.ground.marked_yaml import Location, SourceMarks, parse_marked
 
 _STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on

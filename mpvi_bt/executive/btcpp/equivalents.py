@@ -7,8 +7,8 @@ from dataclasses import replace
 from mpvi_bt.executive.btcpp.file import XmlFile, made, tag_of
 from mpvi_bt.executive.btcpp.format import POSTCONDITIONS, PRECONDITIONS
 from mpvi_bt.executive.btcpp.mapping import KEY, is_pointer
-from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.ground.errors import shown
+from mpvi_bt.ground.marked_xml import Element
 
 NEAREST = {
     "IfThenElse": "a Fallback of Sequences that begin with a ScriptCondition",

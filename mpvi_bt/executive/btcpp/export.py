@@ -13,10 +13,10 @@ from xml.etree import ElementTree
 from mpvi_bt.executive.behaviors.parameters import Call
 from mpvi_bt.executive.behaviors.registry import node_types
 from mpvi_bt.executive.btcpp import mapping
-from mpvi_bt.executive.btcpp.marked_xml import MAX_DEPTH
 from mpvi_bt.executive.btcpp.script import KeyValues, assignment, comparison_code, first_value
 from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.ground.errors import FileProblems, Problem
+from mpvi_bt.ground.marked_xml import MAX_DEPTH
 
 _NOT_PLAIN = re.compile("[^\t\n\r\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # nor in YAML
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.executive.behaviors.parameters import Value
 from mpvi_bt.executive.behaviors.registry import NodeType
-from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.ground.errors import Problem, UnknownName, shown
+from mpvi_bt.ground.marked_xml import Element
 
 if TYPE_CHECKING:
     from mpvi_bt.executive.btcpp.placeholder import Placeholder

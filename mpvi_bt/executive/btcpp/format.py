@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from mpvi_bt.executive.btcpp.file import EXPLICIT, XmlFile, below, tag_of
-from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.ground.errors import did_you_mean, nearest, shown
+from mpvi_bt.ground.marked_xml import Element
 
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")  # in the order in which they are looked at
 POSTCONDITIONS = ("_onSuccess", "_onFailure", "_onHalted", "_post")

@@ -14,12 +14,12 @@ from mpvi_bt.executive.btcpp import equivalents, nav2
 from mpvi_bt.executive.btcpp.element_reader import ElementReader
 from mpvi_bt.executive.btcpp.file import XmlFile
 from mpvi_bt.executive.btcpp.format import check
-from mpvi_bt.executive.btcpp.marked_xml import parse_xml
 from mpvi_bt.executive.btcpp.models import fill_in, models_of
 from mpvi_bt.executive.btcpp.placeholders import module_text, node_types_of, placeholders_of
 from mpvi_bt.executive.btcpp.subtree_ports import Calls
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.ground.errors import FileProblems, Problem
+from mpvi_bt.ground.marked_xml import parse_xml
 
 
 @dataclass(frozen=True)

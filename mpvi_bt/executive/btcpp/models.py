@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mpvi_bt.executive.btcpp.file import EXPLICIT, XmlFile, below, tag_of
-from mpvi_bt.executive.btcpp.marked_xml import Element
+from mpvi_bt.ground.marked_xml import Element
 
 PORTS = ("input_port", "output_port", "inout_port")
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 from mpvi_bt.executive.btcpp.file import Needs, XmlFile, below, made, place_of, tag_of
 from mpvi_bt.executive.btcpp.format import CONDITIONS
 from mpvi_bt.executive.btcpp.mapping import KEY, is_pointer
-from mpvi_bt.executive.btcpp.marked_xml import Element
+from mpvi_bt.ground.marked_xml import Element
 
 _PLANS = """
     AppendGoalPoseToGoals ArePosesNear CancelControl ClearCostmapAroundPose ClearCostmapAroundRobot

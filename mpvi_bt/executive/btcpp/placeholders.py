@@ -17,11 +17,11 @@ from mpvi_bt.executive.behaviors.registry import NodeType, node_types
 from mpvi_bt.executive.btcpp import mapping
 from mpvi_bt.executive.btcpp.file import Needs, XmlFile, below, tag_of
 from mpvi_bt.executive.btcpp.format import is_port
-from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.executive.btcpp.models import Models
 from mpvi_bt.executive.btcpp.placeholder import Placeholder, PortOf
 from mpvi_bt.executive.btcpp.script import escaped
 from mpvi_bt.executive.btcpp.subtree_ports import keys_handed_on, keys_set_in
+from mpvi_bt.ground.marked_xml import Element
 
 _FIRST: Mapping[str, Value] = {"int": 0, "unsigned int": 0, "double": 0.0, "float": 0.0, "bool": False}
 _TAKEN = frozenset({"name", "child", "children", "segments", "self"})

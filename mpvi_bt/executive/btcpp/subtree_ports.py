@@ -16,12 +16,12 @@ from mpvi_bt.executive.behaviors.parameters import Value
 from mpvi_bt.executive.btcpp.file import XmlFile, below, tag_of
 from mpvi_bt.executive.btcpp.format import CONDITIONS
 from mpvi_bt.executive.btcpp.mapping import KEY, is_pointer, own_kinds, ports_of
-from mpvi_bt.executive.btcpp.marked_xml import Element
 from mpvi_bt.executive.btcpp.models import autoremaps
 from mpvi_bt.executive.btcpp.script import escaped, keys_of, keys_set
 from mpvi_bt.executive.tree.spec import ParameterType
 from mpvi_bt.executive.tree.tree_file import fits
 from mpvi_bt.ground.errors import shown
+from mpvi_bt.ground.marked_xml import Element
 
 _SCRIPTS = CONDITIONS | {"code", "if"}
 _KEYS = ("key", "output_key")  # ports that hold the name of a key

@@ -16,7 +16,8 @@ from mpvi_bt.executive.plan.schema import MOST_OF_PROMPT
 from mpvi_bt.ground.errors import BadMessage, UnknownName, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import check_rate
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT, CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import robot_named
 

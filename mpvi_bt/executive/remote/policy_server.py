@@ -18,7 +18,7 @@ from mpvi_bt.executive.remote.server import Given, Promise, Refused, SocketServe
 from mpvi_bt.ground.compiled import compiling
 from mpvi_bt.ground.errors import BadMessage
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import layout_of, robot_named
 
 Make = Callable[[Vocabulary], Policy]

@@ -16,8 +16,9 @@ from mpvi_bt.ground.geometry.kinematics import inverse
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT, CameraImage, Side
+from mpvi_bt.ground.robot.protocol import CameraImage, Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.words.phrases import Vocabulary

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
-DEFAULT_ROBOT = "r1"  # by name, where none is chosen
 EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mpvi_bt.ground import paths
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 
 EPISODE = "mpvi_bt.runs.episode.episode:run"  # the function that runs one
 
@@ -166,8 +167,11 @@ class DisturbanceSettings:
 class WorldSettings:
     """Robot, simulator, and how grasps hold."""
 
-    robot: Literal["r1", "r1pro", "fetch"] = setting(
-        "r1", "Robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch has one."
+    robot: str = setting(
+        DEFAULT_ROBOT,
+        "Robot, by name or file: the r1 and BEHAVIOR's r1pro have two arms, the fetch has one.",
+        "NAME",
+        folder="robots",
     )
     sim: Literal["sapien", "maniskill"] = setting(
         "sapien", "Simulator: the project's own, or its ManiSkill environment."

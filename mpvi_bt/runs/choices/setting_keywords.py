@@ -36,7 +36,7 @@ class SuiteKeywords(TypedDict, total=False):
     policy_faults: str | None
     latency: str | None
     while_inferring: Literal["hold", "go_on"]
-    robot: Literal["r1", "r1pro", "fetch"]
+    robot: str
     sim: Literal["sapien", "maniskill"]
     assisted: bool
     substitute: str | None

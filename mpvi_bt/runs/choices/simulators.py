@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.extras import install
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.runs.choices.config import EpisodeConfig
 

@@ -19,7 +19,7 @@ from mpvi_bt.executive.remote.prompts import prompt_of
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.ground.marked_yaml import Record, load_marked, validate_data
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.recording.demonstration_recorder import VERSION, velocity_sizes
 

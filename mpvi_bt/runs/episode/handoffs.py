@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.executive.monitors.calibration import Run
 from mpvi_bt.executive.monitors.signals import SIGNALS
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.runs.choices.backends import name_of
 from mpvi_bt.runs.episode.result import read_result
 

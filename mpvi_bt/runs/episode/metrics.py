@@ -17,7 +17,8 @@ from mpvi_bt.ground.geometry import kinematics
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.marked_yaml import Amount, Count
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT, SIDES, Side
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.episode.way import Place, thinned
 

@@ -28,7 +28,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from mpvi_bt.executive.ticking.goal_report import GoalReport
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in

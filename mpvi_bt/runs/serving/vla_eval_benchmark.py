@@ -22,7 +22,8 @@ from mpvi_bt.executive.remote.task_settings import unfit
 from mpvi_bt.executive.remote.vla_eval import DEFAULT
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BackendError, UnknownName, UserError
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.house.instances.tasks import Task, load_task

@@ -15,7 +15,7 @@ from mpvi_bt.executive.remote.dialect_settings import load_settings
 from mpvi_bt.executive.remote.policy_server import Session
 from mpvi_bt.executive.remote.server import Unseen
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.robot.protocol import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.choices.policies import for_clients
 from mpvi_bt.runs.serving.vla_eval_benchmark import action_spec, observation_spec

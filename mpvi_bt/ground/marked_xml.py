@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from xml.parsers import expat
 
-from mpvi_bt.executive.btcpp.malformed import described, spellings
 from mpvi_bt.ground.errors import FileProblems, Problem
+from mpvi_bt.ground.malformed import described, spellings
 from mpvi_bt.ground.yaml_reader import MAX_NODES, MAX_PROBLEMS, place_in
 
 MAX_DEPTH = 256  # as deep as BehaviorTree.CPP reads
@@ -106,7 +106,7 @@ class _XmlParser:
             self.open[-1].texts.append(self._place(self.expat.CurrentByteIndex + before))
 
     def _doctype(self, *_: object) -> None:
-        self._stop(self.expat.CurrentByteIndex, "doctype", "a DOCTYPE is not allowed: trees need no entities")
+        self._stop(self.expat.CurrentByteIndex, "doctype", "a DOCTYPE is not allowed: entities are not read")
 
     def _places(self, at: int, count: int) -> dict[str, tuple[int, int]]:
         """Of the attributes of the tag that begins at a byte."""

@@ -1,0 +1,3 @@
+"""The robot where none is chosen; loads nothing, as `mpvi --help` needs it."""
+
+DEFAULT_ROBOT = "r1"
