@@ -36,7 +36,12 @@ EVERY_S = 0.5  # the status line is drawn anew
     help="Start state; may be repeated.  [default: 0]",
 )
 @click.option(
-    "--robot", type=click.Choice(["r1", "r1pro"]), default="r1pro", show_default=True, help="Robot in the house."
+    "--robot",
+    type=Name("robots", file=True),
+    default="r1pro",
+    show_default=True,
+    metavar="NAME",
+    help="Robot in the house.",
 )
 @click.option(
     "--batched/--unbatched",

@@ -84,10 +84,11 @@ class _Served(BackendType):
 )
 @click.option(
     "--robot",
-    type=click.Choice(["r1", "r1pro"]),
+    type=Name("robots", file=True),
     default="r1pro",
     show_default=True,
-    help="Robot of the client.",
+    metavar="NAME",
+    help="Robot of the client, by name or file.",
 )
 @click.option("--task", type=Name("tasks/plans"), help="Task, in place of the observations' task.")
 @click.option("--instruction", default="", metavar="TEXT", help="Instruction, in place of the task's.")

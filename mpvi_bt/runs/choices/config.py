@@ -169,7 +169,7 @@ class WorldSettings:
 
     robot: str = setting(
         DEFAULT_ROBOT,
-        "Robot, by name or file: the r1 and BEHAVIOR's r1pro have two arms, the fetch has one.",
+        "Robot: one that ships, or one of your own, by name or file.",
         "NAME",
         folder="robots",
     )
