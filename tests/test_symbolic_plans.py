@@ -12,11 +12,20 @@ from mpvi_bt.house.goals.formula import Exactly, Literal, Some
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.runs.symbolic.goal_choice import choose_literals
 from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner
-from tests.test_plans50 import SKILLS, plan_of, unmet
+from tests.test_plans50 import SKILLS, TASKS, plan_of, unmet
 
 pytest.importorskip("unified_planning")
 PATIENT_S = 120.0  # a busy machine must not change what is found
 
+# What it does not plan to the end: containers that are alike, two bowls of dice, what heat makes anew, pushing.
+MISSED = {
+    "assembling_gift_baskets",
+    "canning_food",
+    "cook_cabbage",
+    "getting_organized_for_work",
+    "make_microwave_popcorn",
+    "make_pizza",
+}
 FEW = ("bringing_water", "picking_up_trash", "turning_on_radio")
 
 
@@ -28,6 +37,14 @@ def planned(task: str) -> Plan:
 @pytest.mark.parametrize("task", FEW)
 def test_a_plan_reaches_the_goal_on_paper(task: str) -> None:
     """From :init, with two hands, closed doors and things in reach."""
+    assert unmet(task, planned(task)) == []
+
+
+@pytest.mark.rare
+@pytest.mark.slow
+@pytest.mark.parametrize("task", sorted({*TASKS} - MISSED))
+def test_of_fifty_plans_forty_four_reach_the_goal(task: str) -> None:
+    """Without a model or a plan on file, whatever the goal's quantifiers."""
     assert unmet(task, planned(task)) == []
 
 
