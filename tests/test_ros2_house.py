@@ -19,6 +19,7 @@ pytest.importorskip("rclpy")
 from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.episode import run
 from mpvi_bt.runs.ros2.bridge_file import load_bridge
 from mpvi_bt.runs.ros2.robot_session import robot_session
 from mpvi_bt.runs.ros2.ros_episode import play_on_robot
@@ -37,9 +38,9 @@ def apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def house(folder: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+def house(folder: Path, task: str, *options: str) -> Iterator[subprocess.Popen[str]]:
     """The house in a process of its own, ready for a bridge."""
-    words = [sys.executable, "-m", "mpvi_bt.apps.cli", "ros2", "house", "picking_up_trash", "--out", str(folder)]
+    words = [sys.executable, "-m", "mpvi_bt.apps.cli", "ros2", "house", task, "--out", str(folder)]
     with subprocess.Popen([*words, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         until = time.monotonic() + _BEGIN_S
@@ -50,16 +51,16 @@ def house(folder: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
         process.terminate()
 
 
-def result_of(folder: Path, process: subprocess.Popen[str]) -> dict[str, Any]:
+def result_of(folder: Path, task: str, process: subprocess.Popen[str]) -> dict[str, Any]:
     """What the house has written, once it has ended."""
     process.wait(_END_S)
-    return dict(json.loads((folder / "picking_up_trash_0_house.json").read_text()))
+    return dict(json.loads((folder / f"{task}_0_house.json").read_text()))
 
 
 def test_the_house_steps_once_for_each_answer(tmp_path: Path) -> None:
     """Every command is taken, nothing is lost, the picture is of the present step, and the end is scored."""
     bridge = load_bridge("house", R1)
-    with house(tmp_path) as process:
+    with house(tmp_path, "picking_up_trash") as process:
         with robot_session(bridge, R1, True, Stop(), lambda line: None) as made:
             robot = made.world.robot
             before = robot.proprioception()
@@ -69,7 +70,7 @@ def test_the_house_steps_once_for_each_answer(tmp_path: Path) -> None:
                 robot.act(action)
                 made.world.step()
             after, image = robot.proprioception(), robot.look("head")
-        told = result_of(tmp_path, process)
+        told = result_of(tmp_path, "picking_up_trash", process)
     assert after.base_pose[2] - before.base_pose[2] == pytest.approx(0.45, abs=0.1)
     assert image.rgb.shape[:2] == (R1.cameras["head"].height, R1.cameras["head"].width)
     assert image.labels is not None
@@ -81,18 +82,19 @@ def test_the_house_steps_once_for_each_answer(tmp_path: Path) -> None:
 
 def test_a_house_that_nobody_drives_ends(tmp_path: Path) -> None:
     """It waits as long as it was told to, scores, and says why."""
-    with house(tmp_path, "--wait", "0.5") as process:
-        assert result_of(tmp_path, process)["ended"] == "no_bridge"
+    with house(tmp_path, "picking_up_trash", "--wait", "0.5") as process:
+        assert result_of(tmp_path, "picking_up_trash", process)["ended"] == "no_bridge"
 
 
 @pytest.mark.rare
-def test_an_episode_over_ros_reaches_its_goal(tmp_path: Path) -> None:
-    """The whole executive drives the house over ROS 2, and the trash ends up in the can."""
-    config = EpisodeConfig("picking_up_trash", robot="r1", policy="reactive", map="online")
-    with house(tmp_path) as process:
-        played = play_on_robot(
-            ServedWork(config, "", tmp_path), load_bridge("house", R1), R1, True, lambda line: None
-        )  # fmt: skip
-        told = result_of(tmp_path, process)
+def test_an_episode_over_ros_is_the_one_without_it(tmp_path: Path) -> None:
+    """The whole executive drives the house over ROS 2, and needs as many steps as in its own process."""
+    config = EpisodeConfig("turning_on_radio", robot="r1", policy="reactive", map="online")
+    with house(tmp_path, config.task) as process:
+        work = ServedWork(config, "", tmp_path)
+        played = play_on_robot(work, load_bridge("house", R1), R1, True, lambda line: None)
+        told = result_of(tmp_path, config.task, process)
     assert played["success"]
     assert told["q_score"]["final"] == 1.0
+    assert {topic["lost"] for topic in told["messages"]["commands"].values()} == {0}
+    assert told["time"]["simulator_steps"] == run(config)["time"]["simulator_steps"]
