@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.ground.errors import FileProblems
+from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.marked_yaml import load_marked
 from mpvi_bt.ground.robot.described import DescribedRobot
 from mpvi_bt.ground.robot.robot_reading import lint_robot_file, read_robot
@@ -22,6 +23,11 @@ by_robot = pytest.mark.parametrize("name", MODELS)
 
 def by_file(name: str) -> DescribedRobot:
     return read_robot(FOLDER / f"{name}.yaml")
+
+
+def drawn(rng: np.random.Generator, limits: Array) -> Array:
+    """(n,) joints anywhere within limits (n, 2)."""
+    return rng.uniform(limits[:, 0], limits[:, 1])
 
 
 @by_robot
@@ -64,8 +70,8 @@ def test_hands_and_cameras_of_a_shipped_file_are_where_its_model_has_them(name: 
     robot, model = by_file(name), MODELS[name]
     rng = np.random.default_rng(0)
     for _ in range(20):
-        torso = rng.uniform(*model.torso_limits.T)
-        arm = {side: rng.uniform(*model.arm_limits[side].T) for side in model.sides}
+        torso = drawn(rng, model.torso_limits)
+        arm = {side: drawn(rng, model.arm_limits[side]) for side in model.sides}
         for side in model.sides:
             assert np.allclose(robot.tcp(torso, arm[side], side), model.tcp(torso, arm[side], side), rtol=0, atol=1e-6)
         ours, theirs = robot.camera_poses(torso, arm), model.camera_poses(torso, arm)
@@ -77,7 +83,9 @@ def test_hands_and_cameras_of_a_shipped_file_are_where_its_model_has_them(name: 
 @pytest.mark.parametrize("name", [name for name in MODELS if name != FOLDS])
 def test_a_trunk_of_a_shipped_file_has_the_postures_of_its_model(name: str) -> None:
     robot, model = by_file(name), MODELS[name]
-    for torso in np.random.default_rng(1).uniform(*model.torso_limits.T, (20, len(model.torso_limits))):
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        torso = drawn(rng, model.torso_limits)
         assert np.allclose(robot.trunk.posture(torso), model.trunk.posture(torso), rtol=0, atol=1e-9)
 
 
