@@ -14,6 +14,7 @@ from mpvi_bt.hands.policies.pregrasp import PregraspPolicy, WithPregrasp
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.world import ROBOT
 from mpvi_bt.runs.choices.policies import PolicyInputs, with_pregrasp
+from tests.numbered_body import numbered_body
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -53,7 +54,7 @@ def handed() -> Any:
 
 def tell(both, prompt, steps):
     for _ in range(steps):
-        both.infer({"prompt": prompt, "proprioception": None, "images": {}})
+        both.infer({"prompt": prompt, "proprioception": numbered_body("r1"), "images": {}})
 
 
 def test_the_policy_is_asked_once_the_pregrasp_has_ended():

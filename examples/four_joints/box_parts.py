@@ -15,6 +15,7 @@ from mpvi_bt.ground.robot.protocol import CameraImage
 
 def seen(image: CameraImage) -> Array:
     """(n, 3) points of the box in the world."""
+    assert image.labels is not None  # the example's own pictures have labels
     return image.points_world()[np.isin(image.labels, [i for i, name in image.names.items() if name == "box"])]
 
 

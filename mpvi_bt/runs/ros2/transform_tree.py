@@ -8,7 +8,7 @@ import numpy as np
 
 from mpvi_bt.ground.errors import BadMessage, did_you_mean, nearest
 from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.runs.ros2.state_messages import stamp_of
 
@@ -30,9 +30,10 @@ class TransformTree:
             place, turn = told.transform.translation, told.transform.rotation
             p, q = np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
             child = told.child_frame_id.lstrip("/")
-            if not (np.isfinite(p).all() and 0.5 < q @ q < 2.0):
+            length = float(norm(q))
+            if not (np.isfinite(p).all() and 0.7 < length < 1.4):
                 raise BadMessage(f"{topic}: the transform of {child} is none")
-            T = kin.transform(_rotation(q / np.sqrt(q @ q)), p)
+            T = kin.transform(_rotation(q / length), p)
             self._parents[child] = (told.header.frame_id.lstrip("/"), T, stamp_of(told.header))
 
     def has(self, frame: str, child: str) -> bool:
