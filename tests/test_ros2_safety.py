@@ -285,3 +285,23 @@ def test_an_error_stops_the_robot(robot: TestRobot, tmp_path: Path) -> None:
     time.sleep(0.2)
     assert robot.last_motion() - at < SOON_S
     assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+
+
+def test_a_fault_of_ours_in_what_hears_halts_the_robot(tmp_path: Path) -> None:
+    """A message that nothing here is ready for does not end the listening unheard."""
+    heard = HeardStates(load_bridge(write_bridge(tmp_path, "sim"), FETCH), FETCH, {})
+    heard.hear_clock(object())
+    assert heard.wrong() == ("broken", "/clock: AttributeError: 'object' object has no attribute 'clock'")
+
+
+def test_a_watchdog_that_breaks_halts_the_robot(robot: TestRobot, tmp_path: Path, monkeypatch) -> None:
+    """What it watches by may fail in a way that nobody thought of."""
+    with session(tmp_path) as made:
+
+        def fails() -> list[str]:
+            raise RuntimeError("the graph is gone")
+
+        monkeypatch.setattr(made.node, "commanders", fails)
+        with pytest.raises(RobotError, match="the watchdog broke: RuntimeError: the graph is gone"):
+            drive(made, 5.0)
+        assert robot.drives[-1][1] == (0.0, 0.0, 0.0)

@@ -91,9 +91,9 @@ class HeardStates:
         def take() -> None:
             now = int(message.clock.sec) * NS + int(message.clock.nanosec)
             if self._clock_ns and now < self._clock_ns:
-                self._blame("time_jump", f"/clock went back by {(self._clock_ns - now) / NS:.2f} s")
+                self.blame("time_jump", f"/clock went back by {(self._clock_ns - now) / NS:.2f} s")
             elif self._clock_ns and now > self._clock_ns + FORWARD_S * NS:
-                self._blame("time_jump", f"/clock went on by {(now - self._clock_ns) / NS:.2f} s at once")
+                self.blame("time_jump", f"/clock went on by {(now - self._clock_ns) / NS:.2f} s at once")
             self._clock_ns, self._ticked = now, time.monotonic()
 
         self._take("/clock", take)
@@ -109,11 +109,14 @@ class HeardStates:
             try:
                 take()
             except BadMessage as error:
-                self._blame("bad_state", str(error))
+                self.blame("bad_state", str(error))
+            except Exception as error:  # a fault of ours must not end the listening unheard
+                self.blame("broken", f"{topic}: {type(error).__name__}: {error}")
             self.count[topic] = self.count.get(topic, 0) + 1
             self.changed.notify_all()
 
-    def _blame(self, reason: str, why: str) -> None:
+    def blame(self, reason: str, why: str) -> None:
+        """Have the robot halted: the first reason counts."""
         self.fault = self.fault or (reason, why)
 
     # --- read

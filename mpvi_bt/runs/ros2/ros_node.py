@@ -39,7 +39,7 @@ class RobotNode:
         from rclpy.signals import SignalHandlerOptions
 
         self._bridge, self._base_is_shared = bridge, base_is_shared
-        self._began = time.monotonic()
+        self._began, self._closing = time.monotonic(), False
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         name = f"mpvi_bridge_{os.getpid()}_{id(self) % 10000}"
@@ -61,6 +61,7 @@ class RobotNode:
         for publisher in self.node.publishers:
             left_s = max(0.0, until - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left_s))
+        self._closing = True
         self._executor.shutdown(timeout_sec=2.0)
         self._thread.join(timeout=2.0)
         self.node.destroy_node()
@@ -96,6 +97,10 @@ class RobotNode:
             self._executor.spin()
         except ExternalShutdownException:
             return
+        except Exception as error:
+            if not self._closing:  # at the end rclpy may find its own parts gone
+                with self.heard.changed:
+                    self.heard.blame("broken", f"the bridge hears no more: {type(error).__name__}: {error}")
 
     def _told(self, topic: str) -> str:
         if not topic.startswith("/") or " " in topic:

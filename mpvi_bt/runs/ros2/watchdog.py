@@ -15,7 +15,8 @@ from mpvi_bt.runs.ros2.motion_gate import MotionGate
 from mpvi_bt.runs.ros2.ros_node import RobotNode
 
 _EVERY_S = 0.02
-_STARVED_S = 0.1  # Our choice: a round that takes longer was kept waiting by other threads
+_STARVED_S = 0.1  # Our choice: a round that takes longer was kept waiting by other threads,
+_STARVED_ROUNDS = 2  # and so many of them in a row judge nothing
 _LOOK_ROUND_S = 0.25  # how often other nodes are looked for
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 STOPPED = "stopped"  # the reason of a halt by a signal, or by the end
@@ -68,14 +69,21 @@ class Watchdog:
         self._stop.request()
 
     def _watch(self) -> None:
-        looked = 0.0
+        try:
+            self._rounds()
+        except Exception as error:
+            self._gate.halt("broken", f"the watchdog broke: {type(error).__name__}: {error}")
+
+    def _rounds(self) -> None:
+        looked, starved = 0.0, 0
         while not self._over.is_set():
             began = time.monotonic()
             signaled, _, _ = select.select([self._pipe[0]], [], [], _EVERY_S)
             if signaled:
                 number = os.read(self._pipe[0], 64)[-1]
                 self._gate.halt(STOPPED, f"the process was stopped by {signal.Signals(number).name}")
-            if time.monotonic() - began > _STARVED_S:
+            starved = starved + 1 if time.monotonic() - began > _STARVED_S else 0
+            if 0 < starved <= _STARVED_ROUNDS:
                 continue  # the thread that listens was kept from its work as this one was: what is old may be read next
             with self._node.heard.changed:
                 wrong = self._node.heard.wrong()
