@@ -43,8 +43,10 @@ class _WithHouse(click.Group):
     subcommand_metavar="[house [ARGS]...]",
     context_settings={"default_map": {"map": "online", "policy": "reactive"}},
 )
-@click.option("--robot", metavar="NAME", help="The robot, by name or file.")
-@click.option("--bridge", metavar="NAME", help="Its topics: a bridge, by name or file.")
+@click.option("--robot", type=Name("robots", file=True), metavar="NAME", help="The robot, by name or file.")
+@click.option(
+    "--bridge", type=Name("bridges", file=True), metavar="NAME", help="Its topics: a bridge, by name or file."
+)
 @click.option("--allow-motion", is_flag=True, help="Send commands; without it nothing moves.")
 @click.option("--task", type=Name("tasks/plans"), help="Task to do.")
 @click.option("--instruction", default="", metavar="TEXT", help="Instruction to carry out, in place of a task.")

@@ -12,13 +12,19 @@ from mpvi_bt.apps.cli.argument_types import File, Name, check_writable, out_fold
 from mpvi_bt.apps.cli.status import Status
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.executive.ticking.stop import Stop
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 
 
 @click.command()
 @click.argument("task", type=Name("tasks"))
 @click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state.")
 @click.option(
-    "--robot", type=click.Choice(["r1", "r1pro", "fetch"]), default="r1", show_default=True, help="Robot in the house."
+    "--robot",
+    type=Name("robots"),
+    default=DEFAULT_ROBOT,
+    show_default=True,
+    metavar="NAME",
+    help="Robot in the house: one with a model.",
 )
 @click.option("--bridge", type=File("bridges"), default="house", show_default=True, help="Bridge file to answer to.")
 @click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand, as BEHAVIOR does.")

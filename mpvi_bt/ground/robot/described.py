@@ -86,7 +86,6 @@ class DescribedRobot:
     """A robot of a file; it is a `RobotDescription`, which says what its attributes are.
 
     Attributes:
-        finger_range: (n, 2) of each gripper: its joints closed and open [m or rad].
         grasp_m: A gripper that was told to close holds something if it is wider than told by more.
         tree: Its URDF.
         link: Its base frame.
@@ -109,7 +108,6 @@ class DescribedRobot:
     arm_top_speed: Mapping[Side, Array]
     linear_joints: frozenset[int]
     opening_m: float
-    finger_range: Mapping[Side, Array]
     grasp_m: float
     travel_torso: Array
     travel_arm: Mapping[Side, Array]

@@ -96,7 +96,7 @@ class _Reading:
         link = self._base_link()
         torso = self._group(told.torso, ("torso",), "the torso")
         arms = {side: self._group(told.arms[side], ("arms", side), f"the {side} arm") for side in self._sides()}
-        fingers = {side: self._fingers(part, side) for side, part in told.grippers.items()}
+        openings = [self._opening(part, side) for side, part in told.grippers.items()]
         self._check_frames(link)
         self._stop_if_wrong()
         order, layout = self._layout(torso, arms)
@@ -108,7 +108,7 @@ class _Reading:
         self._stop_if_wrong()
         speed = told.base.speed
         linear = [i for i, n in enumerate(layout.names) if n in tree.joints and tree.joints[n].kind == "prismatic"]
-        opening = next((opening for _, opening in fingers.values()), 0.0)
+        opening = openings[0] if openings else 0.0
         made = DescribedRobot(
             name=name,
             layout=layout,
@@ -124,7 +124,6 @@ class _Reading:
             arm_top_speed={side: arm.speed for side, arm in arms.items()},
             linear_joints=frozenset(linear),
             opening_m=opening,
-            finger_range={side: fingers[side][0] for side in arms},
             grasp_m=max((told.grippers[side].grasp_m for side in arms), default=0.0),
             travel_torso=spread.travel,
             travel_arm={side: arm.travel for side, arm in arms.items()},
@@ -246,8 +245,8 @@ class _Reading:
             self._tell(at, "out-of-range", message)
         return given
 
-    def _fingers(self, part: GripperPart, side: Side) -> tuple[Array, float]:
-        """(n, 2) positions closed and open of a gripper's joints, and its opening [m]."""
+    def _opening(self, part: GripperPart, side: Side) -> float:
+        """How far a gripper opens [m]."""
         at: Location = ("grippers", side)
         joints = [self._joint(name, (*at, "joints", i), f"the {side} gripper") for i, name in enumerate(part.joints)]
         ends = np.zeros((len(joints), 2))
@@ -267,7 +266,7 @@ class _Reading:
                 continue
             ends[:, k] = given
         if part.opening_m is not None:
-            return ends, part.opening_m
+            return part.opening_m
         if any(joint is not None and joint.kind != "prismatic" for joint in joints):
             message = "its fingers turn: give `opening_m`, how far they are apart when open [m]"
             self._tell(at, "missing-key", message, key=True)
@@ -277,7 +276,7 @@ class _Reading:
         )  # fmt: skip
         if not opening and not self._problems:
             self._tell(at, "out-of-range", "open and closed are the same", key=True)
-        return ends, opening
+        return opening
 
     def _followed(self, joint: UrdfJoint) -> float:
         """How far a joint and those that follow it travel, in its own travel."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 from mpvi_bt.ground.errors import FileProblems, Problem, did_you_mean, nearest, shown
 from mpvi_bt.ground.marked_xml import Element, parse_xml
 from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, read_text
+
+T = TypeVar("T")
 
 Vector = tuple[float, float, float]
 Place = tuple[int, int]
@@ -181,9 +183,9 @@ class _UrdfReader:
     def _tell(self, place: Place, code: str, message: str) -> None:
         self._problems.append(Problem(self._file, *place, code, message))
 
-    def _named(self, root: Element, tag: str, read):  # type: ignore[no-untyped-def]
+    def _named(self, root: Element, tag: str, read: Callable[[str, Element], T | None]) -> dict[str, T]:
         """Elements of a tag by name, each read."""
-        found = {}
+        found: dict[str, T] = {}
         for element in root.children:
             if element.tag != tag:
                 continue
