@@ -1,6 +1,15 @@
-"""A skill's needs and effects, in terms of its phrases' slots."""
+"""A skill's needs and effects, in terms of its phrases' slots: the one place that rehearsal knows skills from.
+
+Scripted policies read less: `needs.held`, and of the effects `held`, `open`, `inside`, `ontop`, `nextto` and `under`.
+The other terms tell rehearsal alone, so that a term more changes no motion: pouring ends `poured`, not `inside`, since
+no hand lets go of a payload there, and for the same reason a hand-over ends `passed`, not `held`.
+"""
 
 from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
 
 from mpvi_bt.executive.plan.pattern import Slot
 from mpvi_bt.ground.marked_yaml import Record
@@ -14,7 +23,7 @@ class Terms(Record):
     @property
     def slots(self) -> list[str]:
         """Every slot that is told."""
-        told = (term for term in self.model_dump().values() if term)
+        told = (term for term in self.model_dump().values() if term and not isinstance(term, int))
         return [slot for term in told for slot in ((term,) if isinstance(term, str) else term)]
 
 
@@ -22,30 +31,62 @@ class SkillNeeds(Terms):
     """What has to be so before a skill begins.
 
     Attributes:
+        hands: How many hands have to be free.
         held: Slots of the payload: what the first of them names that is said has to be in a hand.
+        near: What has to be in reach.
+        open, closed: What has to stand open, or be closed, if it is a thing that can be opened at all.
+        on: What has to be turned on.
     """
 
+    hands: Annotated[int, Field(ge=0, le=2)] = 0
     held: tuple[Slot, ...] = ()
+    near: tuple[Slot, ...] = ()
+    open: tuple[Slot, ...] = ()
+    closed: tuple[Slot, ...] = ()
+    on: tuple[Slot, ...] = ()
 
 
 class SkillEffects(Terms):
     """What is so once a skill is done. The keys are relations, as of criteria and goals; the values are slots.
 
     Attributes:
-        held: The payload that a hand has taken.
+        held: The payload that a hand has taken, or both hands if the skill takes two.
+        passed: The payload that the other hand has taken over.
         open: What has been opened.
         closed: What has been closed.
+        on: What has been turned on; off, where the slot `state` says "off".
         inside: The payload that a hand has let go of, and the container.
         ontop, nextto, under: The payload that a hand has let go of, and the thing on, beside or under which it is.
+        attached: The payload that a hand has let go of, and what it is mounted on.
+        poured: A vessel, and where its contents are now.
+        pushed: What has been pushed, and beside what it is now, if that is said.
+        clean: What has no marks any more.
+        sprayed: What is covered by what the tool sprays.
+        burning: What burns.
+        cut: What is in pieces; the criterion says what they are, and where.
+        meanwhile: What the robot has waited for: what is at a source of heat is cooked, what is in a fridge is frozen,
+            what touches a fire burns.
+        at: Where the robot is.
     """
 
     held: Slot | None = None
+    passed: Slot | None = None
     open: Slot | None = None
     closed: Slot | None = None
+    on: Slot | None = None
     inside: Pair | None = None
     ontop: Pair | None = None
     nextto: Pair | None = None
     under: Pair | None = None
+    attached: Pair | None = None
+    poured: Pair | None = None
+    pushed: Pair | None = None
+    clean: Slot | None = None
+    sprayed: Slot | None = None
+    burning: Slot | None = None
+    cut: Slot | None = None
+    meanwhile: Slot | None = None
+    at: Slot | None = None
 
     @property
     def put(self) -> Pair | None:

@@ -5,7 +5,7 @@ Quantifiers are gone by the time a formula is here: `problem.py` writes them out
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 
 
@@ -147,6 +147,19 @@ def _may_be(formula: Formula, possible: Truth) -> tuple[bool, bool]:
 def _paired(table: list[list[bool]], count: int) -> bool:
     """`Pairs`, of the truths of its cells."""
     return sum(map(any, table)) >= count and sum(map(any, zip(*table, strict=True))) >= count
+
+
+def without(formula: Formula, predicates: Collection[str]) -> Formula | None:
+    """A formula without the literals of some predicates; None if nothing is left."""
+    match formula:
+        case Literal(predicate):
+            return None if predicate in predicates else formula
+        case Not(child):
+            return Not(inner) if (inner := without(child, predicates)) is not None else None
+        case All(children) | Some(children):
+            parts = [part for child in children if (part := without(child, predicates)) is not None]
+            return type(formula)(tuple(parts), formula.text) if parts else None
+    return None if any(literal.predicate in predicates for literal in literals(formula)) else formula
 
 
 def literals(formula: Formula) -> Iterator[Literal]:

@@ -1,0 +1,129 @@
+"""A plan is rehearsed: carried out on paper, segment by segment, by the needs and effects of its skills.
+
+A rehearsal tells what is impossible, what changes nothing, and what of the goal is not so at the end. What it does not
+know it lets pass: words that nothing is called, and deeds that no skill does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from itertools import islice
+
+from mpvi_bt.executive.completion import criteria
+from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
+from mpvi_bt.executive.plan.skills import Skill
+from mpvi_bt.executive.rehearsal.known_start import KnownStart
+from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
+from mpvi_bt.executive.rehearsal.paper_world import CannotBe
+from mpvi_bt.ground.errors import Problem, shown
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks
+from mpvi_bt.ground.words.phrases import normalize
+
+_NO_MARKS = SourceMarks("")
+_DRIVE = re.compile(r"(?:go|drive|navigate|walk|travel|move|head|return)(?: back| over| up)? (?:to|towards?) ", re.I)
+
+
+class Rehearsal:
+    """Rehearses plans from one start.
+
+    Args:
+        skills: By name.
+        start: What is known; None: nothing. Then a plan is held to what it says itself.
+        backward: Of things that are alike, the last is taken first; see `PaperWorld`.
+    """
+
+    def __init__(self, skills: Mapping[str, Skill], start: KnownStart | None = None, backward: bool = False) -> None:
+        self._skills, self._start, self._backward = skills, start or KnownStart(), backward
+
+    def problems(self, plan: Plan, marks: SourceMarks = _NO_MARKS, begins: bool = True) -> list[Problem]:
+        """What is wrong with a plan, in its order; warnings, and notes of what was not rehearsed.
+
+        The first impossible segment ends the rehearsal: nobody knows how things would be after it.
+
+        Args:
+            plan: A valid plan.
+            marks: Of the plan's file, for exact places.
+            begins: Whether the plan is the first of its episode. If not, nothing is known of the hands, nor of where
+                things are by now.
+        """
+        start = self._start if begins else KnownStart(hands=self._start.hands)
+        world = PaperHands(start, self._backward)
+        world.hands_known = begins
+        return list(islice(self._problems(plan, world, marks), MAX_PROBLEMS))
+
+    def _problems(self, plan: Plan, world: PaperHands, marks: SourceMarks) -> Iterator[Problem]:
+        for i, segment in enumerate(plan.segments):
+            at = ("segments", i)
+            try:
+                if isinstance(segment, Navigation):
+                    _drive(world, segment)
+                    continue
+                criterion = criteria.parse(segment.completion_criterion)
+                before = criterion and world.so(criterion)
+                for idle in self._carry_out(world, segment, criterion):
+                    message = f"{shown(segment.description)} changes nothing: {idle}"
+                    yield marks.problem((*at, "description"), "pointless", message, severity="warning")
+                if criterion is not None and world.so(criterion) is False:
+                    still = "any more" if before else "after it"
+                    message = f"{shown(segment.completion_criterion)} is not so {still}"
+                    yield marks.problem((*at, "completion_criterion"), "impossible", message, severity="warning")
+                    return
+            except CannotBe as error:
+                message = f"{shown(segment.description)} is impossible then: {error}"
+                yield marks.problem((*at, "description"), "impossible", message, severity="warning")
+                return
+            except _Unknown:
+                if i + 1 < len(plan.segments) or world.start.called:
+                    message = f"no skill does {shown(segment.description)}; what comes after it is not rehearsed"
+                    yield marks.problem((*at, "description"), "not-rehearsed", message, severity="note")
+                return
+        unmet = world.start.unmet(world.truth)
+        if unmet:
+            message = f"at the end of the plan the goal is not reached; what is not so: {'; '.join(unmet)}"
+            yield marks.problem(("segments",), "goal-unmet", message, severity="warning")
+
+    def _carry_out(
+        self, world: PaperHands, segment: Manipulation, criterion: criteria.Criterion | None
+    ) -> Iterator[str]:
+        """Do what a manipulation says. Yields why something in it changes nothing."""
+        calls = [match(said, self._skills) for said in clauses(segment.description, self._skills)]
+        if None in calls and not world.bring_about(criterion):
+            raise _Unknown
+        for call in calls:
+            if call is not None and (idle := world.do(call, criterion)) is not None:
+                yield idle
+
+
+class _Unknown(Exception):
+    """Nobody knows what a segment does."""
+
+
+def _drive(world: PaperHands, segment: Navigation) -> None:
+    """Drive to what a segment names, in its room first, and then anywhere: robots search."""
+    room = normalize(segment.room or "")
+    rooms = {normalize(r): r for r in world.start.rooms.values()}
+    phrase = _DRIVE.sub("", segment.description, count=1)
+    phrase = phrase if normalize(segment.target) in normalize(phrase) else segment.target
+    meant = [t for t in world.meant(phrase) or world.meant(segment.target) if t not in world.held.values()]
+    if not meant and (there := rooms.get(normalize(segment.target))) is not None:
+        world.room = world.place = there
+        world.spot = {there}
+        return
+    if not meant:
+        world.place = world.guess(segment.target)
+        world.spot = {world.place}
+        return
+    there_too = [t for t in meant if not room or normalize(world.room_of(t)) == room] or meant
+    seen = [t for t in there_too if world.shut_in(t) is None]
+    if not seen:
+        door = world.shut_in(there_too[0])
+        raise CannotBe(f"{world.name(there_too[0])} is not to be seen: {world.name(door or '')} is closed")
+    movable = [t for t in there_too if t not in world.start.rooms]
+    if movable:
+        world.place = min(movable, key=lambda t: world.moved[t])
+    else:
+        world.place = next((t for t in reversed(world.used) if t in there_too), there_too[0])
+    world.room = world.room_of(world.place)
+    world.spot = {world.place}
