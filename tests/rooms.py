@@ -29,7 +29,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     "executive": (
         ("language", "monitors"),
         ("plan", "completion"),
-        ("actions", "behaviors", "remote"),
+        ("rehearsal", "actions", "behaviors", "remote"),
         ("tree",),
         ("drawing", "btcpp"),
         ("trace", "ticking"),
