@@ -31,6 +31,8 @@ class KnownStart:
         room: The room of the robot; "" if nobody knows.
         unmet: Given the truth of facts at the end, the conditions of the goal that do not hold, in words.
         hands: The hands of the robot.
+        held: What it holds, in hands that nobody knows.
+        partial: Whether there may be more than this: other things, in the hands too.
     """
 
     called: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -47,3 +49,5 @@ class KnownStart:
     room: str = ""
     unmet: Callable[[Truth], list[str]] = _no_conditions
     hands: tuple[str, ...] = ("left", "right")
+    held: tuple[str, ...] = ()
+    partial: bool = False

@@ -32,7 +32,7 @@ class PaperHands(PaperWorld):
         for _ in range(needs.hands):
             self._free(None if effects.passed else hand, needs.hands)
         said = next((slot for slot in needs.held if slot in words), None)
-        in_hand = self._in_hand(words[said], hand, call.skill.hands == 2) if said is not None else None
+        in_hand = self._in_hand(words[said], hand) if said is not None else None
         if effects.held is not None:
             self._take(words[effects.held], words.get("source"), hand, call.skill.hands)
             return None
@@ -67,14 +67,12 @@ class PaperHands(PaperWorld):
         free = [side for side in self.held if self.held[side] is None and hand in (None, side)]
         if (free and number < 2) or len(free) == len(self.held):
             return free[-1]
-        if not self.hands_known:
-            return hand or next(iter(self.held))
         full = [s for s in self.held if self.held[s] is not None and (number > 1 or hand in (None, s))]
         held = " and ".join(f"the {s} one holds {self.name(self.held[s] or '')}" for s in full)
         wanted = "both hands have to be free" if number > 1 else f"the {hand} hand has to be free" if hand else ""
         raise CannotBe(f"{wanted or 'a hand has to be free'}, and {held}")
 
-    def _in_hand(self, phrase: str, hand: str | None, passes: bool = False) -> str:
+    def _in_hand(self, phrase: str, hand: str | None) -> str:
         """What a phrase means of what is held."""
         held = {side: thing for side, thing in self.held.items() if thing is not None}
         named = self.named(phrase)
@@ -83,8 +81,12 @@ class PaperHands(PaperWorld):
         mine = mine or [t for side, t in held.items() if t in self.guessed and hand in (None, side)]
         if mine:
             return mine[0]
-        if not self.hands_known:
-            return self.guess(phrase)
+        if doubted := [side for side in self.doubted if hand in (None, side)]:
+            thing = self.guess(phrase)
+            if len(doubted) == 1:
+                self.held[doubted[0]] = thing
+                self.doubted -= {*doubted}
+            return thing
         if not held:
             raise CannotBe(f"nothing is held, neither {phrase!r} nor anything else; pick it up first")
         hands = ", ".join(f"{self.name(thing)} in the {side} hand" for side, thing in held.items())
@@ -105,6 +107,7 @@ class PaperHands(PaperWorld):
         thing = self.one(phrase, there, "free to take" + (f" from {source!r}" if source else ""), old=False)
         self._leave(thing)
         self.held |= dict.fromkeys(sides, thing)
+        self.doubted -= {*sides}
         self.used.append(thing)
 
     def _of(self, thing: str, source: str) -> bool:
@@ -200,7 +203,8 @@ class PaperHands(PaperWorld):
         if effects.poured is not None:
             self._pour(call, meant, criterion)
         if effects.pushed is not None and effects.pushed[0] in meant and effects.pushed[1] in words:
-            others = [t for t in self.meant(words[effects.pushed[1]]) if t not in self.gone]
+            near, others = self.near(), self.meant(words[effects.pushed[1]])
+            others.sort(key=lambda t: t not in near)
             self.pairs |= {("nextto", meant[effects.pushed[0]], other) for other in others[:1]}
         if effects.clean in meant:
             marked = {(t, s) for t, s in self.covered if t == meant[effects.clean]}

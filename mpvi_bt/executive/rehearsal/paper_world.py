@@ -29,13 +29,14 @@ class PaperWorld:
         place: What the robot has driven to: a thing, or a room; "" if nobody knows where it is.
         spot: The same, and where things lay that it took there.
         held: What each hand holds; a thing in all hands is held with both.
-        hands_known: Whether that is all that the hands hold.
+        doubted: Hands that are empty as far as is known, and may hold something.
         at: Thing to ("inside" | "ontop", the other thing), or ("room", a room) where nobody knows a floor of it.
         pairs: ("nextto" | "under", thing, other thing).
         open, on: Things that are open, switched on.
         covered: (thing, substance).
         gone: What was cut up; what does not exist yet.
         guessed: Things that are not of the start.
+        done: How many segments have been carried out.
     """
 
     def __init__(self, start: KnownStart, backward: bool = False) -> None:
@@ -44,10 +45,13 @@ class PaperWorld:
         self.called = dict(start.called)
         self.known = self.vocabulary = Vocabulary(self.called)
         self.guessed: set[str] = set()
+        self.done = 0
         self.room = self.place = start.room
         self.spot = {self.place}
+        hands = start.hands[::-1] if backward else start.hands
         self.held: dict[str, str | None] = dict.fromkeys(start.hands)
-        self.hands_known = True
+        self.held |= zip(hands, start.held, strict=False)
+        self.doubted = {hand for hand, thing in self.held.items() if thing is None and start.partial}
         self.at: dict[str, tuple[str, str]] = {}
         self.pairs: set[tuple[str, str, str]] = set()
         self.openable, self.open, self.on = set(start.openable), set[str](), set[str]()
@@ -101,7 +105,7 @@ class PaperWorld:
         others = criteria.named(criterion.object, things) if criterion.object else []
         if not criteria.named(criterion.subject, self.called) or (criterion.object and not others):
             return None
-        if self.guessed & {*subjects, *others} or not self.hands_known:
+        if self.guessed & {*subjects, *others} or self.doubted:
             return None
         if criterion.relation == "cut":
             return not subjects
@@ -174,7 +178,7 @@ class PaperWorld:
         """
         found = [thing for thing in self.meant(phrase, than) if among(thing)]
         if not found:
-            if not self.known.named(phrase):
+            if self.start.partial or not self.known.named(phrase):
                 return self.guess(phrase)
             raise CannotBe(self._why_not(phrase, than, what))
         if not old:

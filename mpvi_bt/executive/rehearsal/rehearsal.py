@@ -12,6 +12,7 @@ from itertools import islice
 
 from mpvi_bt.executive.completion import criteria
 from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.history import History
 from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
@@ -21,7 +22,6 @@ from mpvi_bt.ground.errors import Problem, shown
 from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks
 from mpvi_bt.ground.words.phrases import normalize
 
-_NO_MARKS = SourceMarks("")
 _DRIVE = re.compile(r"(?:go|drive|navigate|walk|travel|move|head|return)(?: back| over| up)? (?:to|towards?) ", re.I)
 
 
@@ -31,31 +31,39 @@ class Rehearsal:
     Args:
         skills: By name.
         start: What is known; None: nothing. Then a plan is held to what it says itself.
-        backward: Of things that are alike, the last is taken first; see `PaperWorld`.
     """
 
-    def __init__(self, skills: Mapping[str, Skill], start: KnownStart | None = None, backward: bool = False) -> None:
-        self._skills, self._start, self._backward = skills, start or KnownStart(), backward
+    def __init__(self, skills: Mapping[str, Skill], start: KnownStart | None = None) -> None:
+        self._skills, self._start = skills, start or KnownStart()
 
-    def problems(self, plan: Plan, marks: SourceMarks = _NO_MARKS, begins: bool = True) -> list[Problem]:
+    def problems(
+        self, plan: Plan, marks: SourceMarks | None = None, history: History | None = None
+    ) -> list[Problem]:
         """What is wrong with a plan, in its order; warnings, and notes of what was not rehearsed.
 
-        The first impossible segment ends the rehearsal: nobody knows how things would be after it.
+        The first impossible segment ends the rehearsal: nobody knows how things would be after it. Words may mean one
+        or another of things that are alike: wrong is what is so whether the first or the last of them is taken first.
 
         Args:
             plan: A valid plan.
-            marks: Of the plan's file, for exact places.
-            begins: Whether the plan is the first of its episode. If not, nothing is known of the hands, nor of where
-                things are by now.
+            marks: Of the plan's file, for exact places; None: it has no file.
+            history: Of the episode, if the plan is for the rest of one: then what the robot holds is known, and nothing
+                else of how things are by now.
         """
-        start = self._start if begins else KnownStart(hands=self._start.hands)
-        world = PaperHands(start, self._backward)
-        world.hands_known = begins
-        return list(islice(self._problems(plan, world, marks), MAX_PROBLEMS))
+        marks = marks or SourceMarks.unplaced(plan.model_dump(mode="json"), f"<{plan.task_name}>")
+        start = self._start if history is None else _by_now(history, self._start.hands)
+        readings: list[tuple[int, list[Problem]]] = []
+        for backward in (False, True):
+            world = PaperHands(start, backward)
+            found = list(islice(self._problems(plan, world, marks), MAX_PROBLEMS))
+            if not any(problem.severity == "warning" for problem in found):
+                return found
+            readings.append((world.done, found))
+        return max(readings, key=lambda reading: reading[0])[1]
 
     def _problems(self, plan: Plan, world: PaperHands, marks: SourceMarks) -> Iterator[Problem]:
         for i, segment in enumerate(plan.segments):
-            at = ("segments", i)
+            world.done, at = i, ("segments", i)
             try:
                 if isinstance(segment, Navigation):
                     _drive(world, segment)
@@ -94,6 +102,13 @@ class Rehearsal:
         for call in calls:
             if call is not None and (idle := world.do(call, criterion)) is not None:
                 yield idle
+
+
+def _by_now(history: History, hands: tuple[str, ...]) -> KnownStart:
+    """What is known in the middle of an episode."""
+    held = [thing.name for thing in history.seen if thing.held and thing.inside is None][: len(hands)]
+    called = {f"{name} in hand {i}": (name,) for i, name in enumerate(held)}
+    return KnownStart(called, held=tuple(called), hands=hands, partial=True)
 
 
 class _Unknown(Exception):

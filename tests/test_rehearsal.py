@@ -1,0 +1,215 @@
+"""Laws of rehearsal: what cannot be is told with its reason, and what may be is let pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from mpvi_bt.executive.plan.history import History, SeenObject, Unit
+from mpvi_bt.executive.plan.schema import Plan, load_plan
+from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.rehearsal.known_start import KnownStart
+from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.human import human_stats
+from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.rehearsing import make_rehearsal
+
+SKILLS = load_skills()
+UNKNOWN = Rehearsal(SKILLS)
+# Two bottles in a closed fridge of the kitchen, a table in the living room; the goal wants both bottles on the table
+KITCHEN = KnownStart(
+    called={"b1": ("bottle",), "b2": ("bottle",), "fridge": ("fridge",), "table": ("table",), "lamp": ("lamp",)},
+    rooms={"fridge": "kitchen", "table": "living_room", "lamp": "living_room"},
+    facts=(("inside", ("b1", "fridge")), ("inside", ("b2", "fridge"))),
+    openable=frozenset({"fridge"}),
+    room="kitchen",
+    unmet=lambda truth: [f"{b} is on the table" for b in ("b1", "b2") if not truth("ontop", (b, "table"))],
+)
+FETCH = (
+    "go to the fridge",
+    "open the fridge",
+    "pick up a bottle from the fridge with the left hand",
+    "pick up the other bottle from the fridge with the right hand",
+    "close the fridge",
+    "go to the table",
+    "put the bottle on the table with the left hand",
+    "put the bottle on the table with the right hand",
+)
+BOTH = (*FETCH[:4], *FETCH[5:])  # with the fridge left open: no hand is free to close it
+
+
+def plan_of(*deeds: str) -> Plan:
+    """A plan of these descriptions, whose criteria say nothing that is known."""
+    segments = []
+    for deed in deeds:
+        more = {"type": "manipulation", "completion_criterion": "all is well"}
+        if deed.startswith("go to the "):
+            more = {"type": "navigation", "target": deed.removeprefix("go to the "), "completion_criterion": "there"}
+        segments.append({"description": deed, **more})
+    return Plan.model_validate({"task_name": "t", "segments": segments})
+
+
+def found(rehearsal: Rehearsal, *deeds: str, history: History | None = None) -> list[tuple[str, str]]:
+    """Codes of the problems, and where they are."""
+    return [(p.code, p.pointer) for p in rehearsal.problems(plan_of(*deeds), history=history)]
+
+
+def message(rehearsal: Rehearsal, *deeds: str) -> str:
+    (problem,) = rehearsal.problems(plan_of(*deeds))
+    return problem.message
+
+
+def impossible(segment: int) -> list[tuple[str, str]]:
+    return [("impossible", f"/segments/{segment}/description")]
+
+
+@pytest.mark.parametrize("task", sorted(human_stats()))
+def test_plans_on_file_give_no_finding(task: str) -> None:
+    """A doable plan is never called impossible: neither with the facts of its task nor without any."""
+    plan = load_plan(paths.shipped() / "tasks" / "plans" / f"{task}.json")
+    assert make_rehearsal(SKILLS, load_task(task)).problems(plan) == []
+    assert UNKNOWN.problems(plan) == []
+
+
+def test_a_plan_that_works_gives_no_finding() -> None:
+    """Two bottles, two hands, an open door and every thing in reach: nothing is to be told."""
+    assert found(Rehearsal(SKILLS, KITCHEN), *BOTH) == []
+
+
+def test_one_hand_holds_one_thing() -> None:
+    """Two things cannot be taken in one go, in whatever words, and whatever is known."""
+    for rehearsal in (Rehearsal(SKILLS, KITCHEN), UNKNOWN):
+        deeds = (*FETCH[:2], "pick up both bottles from the fridge with the right hand")
+        assert found(rehearsal, *deeds) == impossible(2)
+        assert "one hand holds one thing: 'both bottles'" in message(rehearsal, *deeds)
+
+
+def test_what_is_in_a_closed_container_cannot_be_taken() -> None:
+    """The message names what is closed."""
+    deeds = ("go to the fridge", "pick up a bottle from the fridge")
+    assert found(Rehearsal(SKILLS, KITCHEN), *deeds) == impossible(1)
+    assert "the fridge is closed" in message(Rehearsal(SKILLS, KITCHEN), *deeds)
+    assert found(UNKNOWN, *deeds) == [], "nobody knows that it is closed"
+
+
+def test_what_the_plan_has_closed_is_closed() -> None:
+    """Without any facts a plan is held to what it says itself."""
+    deeds = ("go to the box", "pick up the cup", "close the box", "put the cup in the box")
+    assert found(UNKNOWN, *deeds) == impossible(3)
+    assert "the box is closed" in message(UNKNOWN, *deeds)
+
+
+def test_nothing_is_put_down_that_nothing_holds() -> None:
+    """The message tells what is held instead."""
+    deeds = ("go to the table", "put the bottle on the table")
+    assert found(UNKNOWN, *deeds) == impossible(1)
+    assert "nothing is held" in message(UNKNOWN, *deeds)
+    deeds = (*FETCH[:3], "go to the table", "put the bottle on the table with the right hand")
+    assert "the bottle in the left hand" in message(Rehearsal(SKILLS, KITCHEN), *deeds)
+
+
+def test_out_of_reach_is_told() -> None:
+    """A thing in another room, or beside nothing that was driven to, has to be driven to first."""
+    deeds = (*FETCH[:3], "put the bottle on the table")
+    assert found(Rehearsal(SKILLS, KITCHEN), *deeds) == impossible(3)
+    assert "go there first" in message(Rehearsal(SKILLS, KITCHEN), *deeds)
+
+
+def test_what_changes_nothing_is_pointless() -> None:
+    """Opening what is open can be done and is not needed."""
+    deeds = (*FETCH[:2], "open the fridge", *BOTH[2:])
+    assert found(Rehearsal(SKILLS, KITCHEN), *deeds) == [("pointless", "/segments/2/description")]
+
+
+def test_unmet_conditions_of_the_goal_are_told() -> None:
+    """Each with its own words, and only those that are not so."""
+    deeds = (*FETCH[:3], "go to the table", "put the bottle on the table")
+    assert found(Rehearsal(SKILLS, KITCHEN), *deeds) == [("goal-unmet", "/segments")]
+    told = message(Rehearsal(SKILLS, KITCHEN), *deeds)
+    assert ("b1 is on the table" in told) != ("b2 is on the table" in told)
+
+
+def test_a_criterion_that_fails_right_after_its_segment_is_impossible() -> None:
+    """The place is that of the criterion."""
+    plan = plan_of(*BOTH)
+    wrong = plan.segments[1].model_copy(update={"completion_criterion": "the fridge is closed"})
+    plan = plan.model_copy(update={"segments": (plan.segments[0], wrong, *plan.segments[2:])})
+    (problem,) = Rehearsal(SKILLS, KITCHEN).problems(plan)
+    assert (problem.code, problem.pointer) == ("impossible", "/segments/1/completion_criterion")
+
+
+def test_unknown_words_pass() -> None:
+    """A thing that nothing is called may be anywhere."""
+    assert found(Rehearsal(SKILLS, KITCHEN), *BOTH, "go to the gizmo", "pick up the gizmo") == []
+
+
+def test_unknown_deeds_pass_with_a_remark() -> None:
+    """Nobody knows how things are after a deed that no skill does: the rest is not rehearsed, and no warning."""
+    deeds = ("go to the fridge", "juggle the bottles", "put the bottle on the table")
+    problems = Rehearsal(SKILLS, KITCHEN).problems(plan_of(*deeds))
+    assert [(p.code, p.severity, p.pointer) for p in problems] == [
+        ("not-rehearsed", "note", "/segments/1/description")
+    ]
+
+
+@pytest.mark.parametrize("first", ["b1", "b2"])
+def test_whichever_of_like_things_is_meant(first: str) -> None:
+    """Where only one order of things that are alike reaches the goal, the plan may have meant that one."""
+    one = KnownStart(
+        called=KITCHEN.called,
+        rooms=KITCHEN.rooms,
+        facts=(("ontop", ("b1", "table")), ("ontop", ("b2", "table"))),
+        unmet=lambda truth: [] if truth("nextto", (first, "lamp")) else ["it is beside the lamp"],
+    )
+    assert found(Rehearsal(SKILLS, one), "go to the table", "pick up a bottle", "go to the lamp",
+                 "put the bottle next to the lamp") == []  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("deeds", "fails"),
+    [
+        (["pick up the cup with the left hand", "pick up the can with the right hand"], None),
+        (["pick up the cup with the left hand", "pick up the can with the left hand"], 2),
+        (["pick up the cup with the left hand", "pick up the can"], None),
+        (["pick up the cup", "pick up the can", "pick up the bowl"], 3),
+        (["pick up the cup", "pick up the can", "put the cup on the table", "pick up the bowl"], None),
+        (["pick up the cup", "put the cup on the table", "lift the box with both hands"], None),
+        (["pick up the cup", "lift the box with both hands"], 2),
+        (["lift the box with both hands", "pick up the cup"], 2),
+        (["lift the box with both hands", "put the box on the table", "pick up the cup"], None),
+        (["pick up the cup", "dance", "lift the box with both hands"], None),
+        (["pick up the cup", "put the mug on the table", "lift the box with both hands"], None),
+        (["pick up the cup with the left hand", "hand the cup over to the right hand", "open the box with the left hand"],
+         None),
+        (["pick up a candle with the left hand", "pick up a candle with the right hand", "put a candle on the table "
+          "with the left hand", "pick up the cup with the right hand"], 4),
+        (["pick up the cup", "pick up the can", "open the box"], 3),
+    ],
+)  # fmt: skip
+def test_hands_that_cannot_be_free_are_told(deeds: Sequence[str], fails: int | None) -> None:
+    """What is certain of the hands is told without any facts."""
+    told = [p for p in UNKNOWN.problems(plan_of("go to the sofa", *deeds)) if p.severity == "warning"]
+    assert [(p.code, p.pointer) for p in told] == (impossible(fails) if fails else [])
+
+
+def test_a_robot_of_one_hand_has_one() -> None:
+    """The hands come from the robot."""
+    lame = Rehearsal(SKILLS, KnownStart(hands=("right",)))
+    assert found(lame, "go to the sofa", "pick up the cup", "pick up the can") == impossible(2)
+
+
+def test_amid_an_episode_only_payloads_are_known() -> None:
+    """A plan for the rest is held to what the hands hold, and else to what it says itself."""
+    rehearsal = Rehearsal(SKILLS, KITCHEN)
+    full = History((Unit("x", "no_path"),), (), (SeenObject("cup", held=True), SeenObject("can", held=True)))
+    half = History((Unit("x", "no_path"),), (), (SeenObject("cup", held=True), SeenObject("bottle")))
+    deeds = ("go to the fridge", "pick up a bottle from the fridge")
+    assert found(rehearsal, *deeds, history=full) == impossible(1)
+    assert found(rehearsal, *deeds, history=half) == []
+    for side in ("left", "right"):
+        assert found(rehearsal, "go to the table", f"put the can on the table with the {side} hand", history=full) == []
+        assert found(rehearsal, "go to the table", f"put the jar on the table with the {side} hand", history=half) == []
+    one_hand = [f"pick up a {thing} with the left hand" for thing in ("bottle", "jar")]
+    assert found(rehearsal, "go to the fridge", *one_hand, history=half) == impossible(2)
