@@ -106,8 +106,8 @@ def test_nothing_is_put_down_that_nothing_holds() -> None:
     deeds = ("go to the table", "put the bottle on the table")
     assert found(UNKNOWN, *deeds) == impossible(1)
     assert "nothing is held" in message(UNKNOWN, *deeds)
-    deeds = (*FETCH[:3], "go to the table", "put the bottle on the table with the right hand")
-    assert "the bottle in the left hand" in message(Rehearsal(SKILLS, KITCHEN), *deeds)
+    other = (*FETCH[:3], "go to the table", "put the bottle on the table with the right hand")
+    assert "the bottle in the left hand" in message(Rehearsal(SKILLS, KITCHEN), *other)
 
 
 def test_out_of_reach_is_told() -> None:
@@ -149,9 +149,7 @@ def test_unknown_deeds_pass_with_a_remark() -> None:
     """Nobody knows how things are after a deed that no skill does: the rest is not rehearsed, and no warning."""
     deeds = ("go to the fridge", "juggle the bottles", "put the bottle on the table")
     problems = Rehearsal(SKILLS, KITCHEN).problems(plan_of(*deeds))
-    assert [(p.code, p.severity, p.pointer) for p in problems] == [
-        ("not-rehearsed", "note", "/segments/1/description")
-    ]
+    assert [(p.code, p.severity, p.pointer) for p in problems] == [("not-rehearsed", "note", "/segments/1/description")]
 
 
 @pytest.mark.parametrize("first", ["b1", "b2"])
@@ -181,8 +179,8 @@ def test_whichever_of_like_things_is_meant(first: str) -> None:
         (["lift the box with both hands", "put the box on the table", "pick up the cup"], None),
         (["pick up the cup", "dance", "lift the box with both hands"], None),
         (["pick up the cup", "put the mug on the table", "lift the box with both hands"], None),
-        (["pick up the cup with the left hand", "hand the cup over to the right hand", "open the box with the left hand"],
-         None),
+        (["pick up the cup with the left hand", "hand the cup over to the right hand", "open the box with the left "
+          "hand"], None),
         (["pick up a candle with the left hand", "pick up a candle with the right hand", "put a candle on the table "
           "with the left hand", "pick up the cup with the right hand"], 4),
         (["pick up the cup", "pick up the can", "open the box"], 3),

@@ -38,7 +38,7 @@ class PaperHands(PaperWorld):
             return None
         if effects.passed is not None and in_hand is not None:
             return self._pass_on(in_hand, words.get("to_hand"))
-        meant = {} if said is None or in_hand is None else {said: in_hand}
+        meant: dict[str, str] = {} if said is None or in_hand is None else {said: in_hand}
         pair = effects.put or effects.attached
         for slot in needs.near:
             if slot in words and slot not in meant:

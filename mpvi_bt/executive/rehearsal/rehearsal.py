@@ -36,9 +36,7 @@ class Rehearsal:
     def __init__(self, skills: Mapping[str, Skill], start: KnownStart | None = None) -> None:
         self._skills, self._start = skills, start or KnownStart()
 
-    def problems(
-        self, plan: Plan, marks: SourceMarks | None = None, history: History | None = None
-    ) -> list[Problem]:
+    def problems(self, plan: Plan, marks: SourceMarks | None = None, history: History | None = None) -> list[Problem]:
         """What is wrong with a plan, in its order; warnings, and notes of what was not rehearsed.
 
         The first impossible segment ends the rehearsal: nobody knows how things would be after it. Words may mean one
