@@ -12,29 +12,16 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
-from mpvi_bt.runs.recording.ros_values import BASE, intrinsics, optical_frame
+from mpvi_bt.runs.recording import ros_values
 
 ODOM = "odom"
 
 
-def time_message(ns: int) -> Time:
-    """A time given in nanoseconds."""
-    return Time(sec=ns // 1_000_000_000, nanosec=ns % 1_000_000_000)
-
-
 def joint_state(model: RobotModel, felt: Proprioception, stamp: Time) -> JointState:
     """Every joint of torso, arms and fingers by its name [m, rad, m/s, rad/s]; fingers share the opening evenly."""
-    rows = [(n, q, v) for n, q, v in zip(model.torso_joints, felt.torso, felt.torso_velocity, strict=True) if n]
-    for side in model.sides:
-        rows += zip(model.arm_joints[side], felt.arm[side], felt.arm_velocity[side], strict=True)
-        fingers = model.finger_joints[side]
-        q, v = felt.gripper_width[side] / len(fingers), felt.gripper_velocity[side] / len(fingers)
-        rows += [(name, q, v) for name in fingers]
-    message = JointState()
+    told = ros_values.joint_states(0.0, model, felt)
+    message = JointState(name=told["name"], position=told["position"], velocity=told["velocity"])
     message.header.stamp = stamp
-    message.name = [name for name, _, _ in rows]
-    message.position = [float(q) for _, q, _ in rows]
-    message.velocity = [float(v) for _, _, v in rows]
     return message
 
 
@@ -42,7 +29,7 @@ def odometry(felt: Proprioception, stamp: Time) -> Odometry:
     """The base's true pose in the world, and its velocity in its own frame."""
     x, y, yaw = (float(value) for value in felt.base_pose)
     message = Odometry()
-    message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, ODOM, BASE
+    message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, ODOM, ros_values.BASE
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x, pose.position.y = x, y
     pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
@@ -68,19 +55,15 @@ def label_image(picture: CameraImage, stamp: Time) -> Image:
 
 def camera_info(picture: CameraImage, stamp: Time) -> CameraInfo:
     """Its intrinsics; there is no distortion."""
-    height, width = picture.depth.shape
-    message = CameraInfo(height=height, width=width, distortion_model="plumb_bob", d=[0.0] * 5)
-    message.header.stamp, message.header.frame_id = stamp, optical_frame(picture.camera)
-    K = intrinsics(picture)
-    message.k = K.ravel().tolist()
-    message.r = np.eye(3).ravel().tolist()
-    message.p = np.column_stack([K, np.zeros(3)]).ravel().tolist()
+    told = ros_values.camera_info(0.0, picture)
+    message = CameraInfo(**{key: told[key] for key in ("height", "width", "distortion_model", "d", "k", "r", "p")})
+    message.header.stamp, message.header.frame_id = stamp, ros_values.optical_frame(picture.camera)
     return message
 
 
 def _image(picture: CameraImage, pixels: NDArray[np.generic], encoding: str, stamp: Time) -> Image:
     height, width = pixels.shape[:2]
     message = Image(height=height, width=width, encoding=encoding, step=pixels.nbytes // height)
-    message.header.stamp, message.header.frame_id = stamp, optical_frame(picture.camera)
+    message.header.stamp, message.header.frame_id = stamp, ros_values.optical_frame(picture.camera)
     message.data = np.ascontiguousarray(pixels).tobytes()
     return message

@@ -42,6 +42,7 @@ from mpvi_bt.runs.episode.assembly import floors
 from mpvi_bt.runs.episode.metrics import Meter
 from mpvi_bt.runs.ros2 import house_messages as messages
 from mpvi_bt.runs.ros2.bridge_file import Bridge, CameraTopics, load_bridge
+from mpvi_bt.runs.ros2.command_messages import time_message
 from mpvi_bt.runs.ros2.house_commands import HouseCommands, stamp_ns, trajectory_topics
 
 Ended = Literal["bridge_gone", "no_bridge", "silent", "stopped", "time_limit"]
@@ -340,7 +341,7 @@ class RosHouse:
     def _send_state(self) -> None:
         """Send the present state, with the time that it is of."""
         felt = self._world.robot.proprioception()
-        stamp = messages.time_message(stamp_ns(self._world.steps))
+        stamp = time_message(stamp_ns(self._world.steps))
         self._clock_out.publish(Clock(clock=stamp))
         self._odometry_out.publish(messages.odometry(felt, stamp))
         self._joints_out.publish(messages.joint_state(self._world.robot.model, felt, stamp))
@@ -359,7 +360,7 @@ class RosHouse:
 
         def send() -> None:
             picture = self._world.robot.look(name)
-            stamp = messages.time_message(stamp_ns(self._world.steps))
+            stamp = time_message(stamp_ns(self._world.steps))
             if names is not None and told[-1:] != [picture.names]:
                 told[:] = [dict(picture.names)]
                 table = {str(label): thing for label, thing in picture.names.items()}
