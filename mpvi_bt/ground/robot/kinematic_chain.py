@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.urdf_tree import UrdfJoint, Vector
+from mpvi_bt.ground.robot.urdf_tree import UrdfJoint, UrdfTree, Vector
 
 
 def turned(rpy: Vector) -> Array:
@@ -67,6 +68,29 @@ class KinematicChain:
             found.append(T)
             T = matmul(T, _moved(joint, factor * positions[..., index] + offset))
         return [*found, matmul(T, self._last)]
+
+
+@dataclass(frozen=True)
+class BaseFrame:
+    """The base frame of a URDF: a link, brought down to the floor.
+
+    Attributes:
+        tree: The URDF.
+        link: The link.
+        above_floor_m: How high its frame is above the floor.
+    """
+
+    tree: UrdfTree
+    link: str
+    above_floor_m: float
+
+    def chain(self, link: str, end: Array, order: Sequence[str | None], turn: Array | None = None) -> KinematicChain:
+        """To a frame (4, 4) in a link below; `turn`: (3, 3) of it, at last. `order` as of a chain."""
+        joints = self.tree.path(link, self.link)
+        assert joints is not None
+        if turn is not None:
+            end = matmul(end, kin.transform(turn, (0.0, 0.0, 0.0)))
+        return KinematicChain(joints, order, kin.transform(np.eye(3), (0.0, 0.0, self.above_floor_m)), end)
 
 
 def _moved(joint: UrdfJoint, q: Array) -> Array:
