@@ -90,6 +90,8 @@ class DescribedRobot:
         tree: Its URDF.
         link: Its base frame.
         camera_chains: To the optical frame of each camera; of those on an arm by joints of torso and that arm.
+        above_floor_m: How high its base frame is above the floor.
+        finger_range: (n, 2) closed and open position of each named joint of a gripper [m or rad].
         carried: The arm that each camera is on; None: none.
         hands: Chains to the tcp of each arm, by joints of torso and arm.
     """
@@ -119,6 +121,8 @@ class DescribedRobot:
     camera_chains: Mapping[str, KinematicChain]
     carried: Mapping[str, Side | None]
     hands: Mapping[Side, KinematicChain]
+    above_floor_m: float
+    finger_range: Mapping[Side, Array]
 
     @property
     def sides(self) -> tuple[Side, ...]:

@@ -198,6 +198,12 @@ class RobotModel:
         return frozenset({self.layout.torso.start} if isinstance(self.trunk, LiftTrunk) else ())
 
     @property
+    def finger_range(self) -> Mapping[Side, Array]:
+        """(n, 2) closed and open position of each joint of the fingers [m]."""
+        ends = np.array([0.0, self.hand.travel_m])
+        return {side: np.tile(ends, (len(names), 1)) for side, names in self.finger_joints.items()}
+
+    @property
     def opening_m(self) -> float:
         """Between the fingers of a hand that is fully open."""
         return self.hand.opening_m

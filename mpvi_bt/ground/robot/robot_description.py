@@ -70,6 +70,11 @@ class RobotDescription(Protocol):
         ...
 
     @property
+    def finger_range(self) -> Mapping[Side, Array]:
+        """(n, 2) closed and open position of each of these joints [m or rad]."""
+        ...
+
+    @property
     def torso_limits(self) -> Array:
         """(T, 2) lowest and highest [m or rad]."""
         ...

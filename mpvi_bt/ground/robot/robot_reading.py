@@ -114,6 +114,8 @@ def _described(told: RobotFile, findings: RobotFindings, name: str) -> Described
         camera_chains=chains,
         carried=carried,
         hands=hands,
+        above_floor_m=told.base.above_floor_m,
+        finger_range={side: fingers[side].ends for side in arms},
     )
     object.__setattr__(made, "base", base_of(told.base, made))
     return made
