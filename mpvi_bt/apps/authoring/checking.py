@@ -17,6 +17,7 @@ from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks, load_marked, p
 
 if TYPE_CHECKING:  # what it loads is needed only beside a task
     from mpvi_bt.executive.plan.planning_context import PlanningContext
+    from mpvi_bt.house.instances.tasks import Task
 
 STDIN = "<stdin>"
 
@@ -41,14 +42,14 @@ def check_files(given: Iterable[str], task: str | None = None, stdin: str = "") 
 
     Args:
         given: Files, folders, names of trees, or "-" for a text.
-        task: Name or file of a task: rooms, and what to drive to, must be there.
+        task: Name or file of a task: rooms, and what to drive to, must be there, and plans are rehearsed for it.
         stdin: That text.
 
     Raises:
         UserError: There is no such task.
         FileProblems: The task is none.
     """
-    site = None if task is None else _site(task)
+    of, site = (None, None) if task is None else _site(task)
     problems: list[Problem] = []
     count = 0
     missing = False
@@ -63,9 +64,9 @@ def check_files(given: Iterable[str], task: str | None = None, stdin: str = "") 
         count += len(found)
         named |= {_real(file): file for file in found}
         if name == "-":
-            problems += problems_in(STDIN, site, text=stdin)
+            problems += problems_in(STDIN, site, text=stdin, task=of)
         else:
-            problems += [problem for file in found for problem in problems_in(file, site, named=found == [name])]
+            problems += [p for file in found for p in problems_in(file, site, named=found == [name], task=of)]
     # A file is read again for each file that names it, by another path perhaps: its problems are told once
     told = [replace(p, file=named.get(_real(p.file), p.file)) for p in problems]
     once = {(p.file, p.line, p.column, p.message): p for p in told}
@@ -109,7 +110,12 @@ def _files(folder: str) -> Iterator[str]:
 
 
 def problems_in(
-    file: str, site: PlanningContext | None = None, text: str | None = None, named: bool = True, lint: bool = True
+    file: str,
+    site: PlanningContext | None = None,
+    text: str | None = None,
+    named: bool = True,
+    lint: bool = True,
+    task: Task | None = None,
 ) -> list[Problem]:
     """Everything that is wrong with one file.
 
@@ -119,6 +125,7 @@ def problems_in(
         text: Its content, if it has been read already.
         named: Whether a user named it: then a file of ours that has nothing to check is told for what it is.
         lint: Whether what is no error is wanted too, of kinds of files that have a lint of their own.
+        task: For which a plan is rehearsed; None: the one that it names.
     """
     try:
         if file.endswith(".bddl"):
@@ -128,7 +135,7 @@ def problems_in(
         if kind.noun == "tree":
             return _tree_problems(data, marks, site)
         if kind.noun == "plan":
-            return _plan_problems(data, marks, site)
+            return _plan_problems(data, marks, site, task)
         if kind.check is not None:
             _called(kind.check, data, marks)
             found: list[Problem] = _called(kind.lint, data, marks) if kind.lint is not None and lint else []
@@ -176,18 +183,17 @@ def _tree_problems(data: Any, marks: SourceMarks, site: PlanningContext | None) 
     return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))[:MAX_PROBLEMS]
 
 
-def _plan_problems(data: Any, marks: SourceMarks, site: PlanningContext | None) -> list[Problem]:
-    from mpvi_bt.executive.plan.plan_check import plan_problems
+def _plan_problems(data: Any, marks: SourceMarks, site: PlanningContext | None, task: Task | None) -> list[Problem]:
     from mpvi_bt.executive.plan.schema import check_plan
-    from mpvi_bt.executive.plan.skills import load_skills
+    from mpvi_bt.runs.choices.planning import plan_findings
 
-    return plan_problems(check_plan(data, marks), load_skills(), site, marks)
+    return plan_findings(check_plan(data, marks), marks, task, site)
 
 
-def _site(name: str) -> PlanningContext:
-    """Names for plans and trees in a task. Raises as `load_task` and `load_house` do."""
+def _site(name: str) -> tuple[Task, PlanningContext]:
+    """A task, and names for plans and trees in it. Raises as `load_task` and `load_house` do."""
     from mpvi_bt.house.instances.tasks import load_task
     from mpvi_bt.runs.choices.planning import ground
 
     task = load_task(name)
-    return ground(task.house, task)
+    return task, ground(task.house, task)

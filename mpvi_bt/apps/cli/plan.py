@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +52,7 @@ def plan(
     from mpvi_bt.executive.plan.prompt import told
     from mpvi_bt.runs.choices.language_models import Models, language_doubts
     from mpvi_bt.runs.choices.named_task import task_named
-    from mpvi_bt.runs.choices.planning import make_planner
+    from mpvi_bt.runs.choices.planning import make_planner, plan_findings
 
     given = " ".join(what).strip()
     if not given:
@@ -68,6 +69,8 @@ def plan(
     for doubt in language_doubts([config]):
         click.echo(f"mpvi: {doubt}", err=True)
     planned = maker.ask(task.plan, task.instruction) if task else maker.ask("", given)
+    if not planned.answers:  # a model was told all of it
+        planned = replace(planned, doubts=tuple(plan_findings(planned.plan, task=task)))
     text = planned.plan.to_json()
     if out is not None:
         write_whole(out, text)

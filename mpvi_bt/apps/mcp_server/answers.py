@@ -47,7 +47,7 @@ class Found(BaseModel):
 class CheckedText(BaseModel):
     """What is wrong with a text."""
 
-    ok: bool = Field(description="Whether it can be run: it has no error.")
+    ok: bool = Field(description="Whether it can be run: it has no error, and no step of a plan is impossible.")
     problems: list[Found]
 
 

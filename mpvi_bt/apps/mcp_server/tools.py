@@ -127,7 +127,7 @@ class Tools:
             except FileProblems as error:
                 problems = [*problems, *error.problems]
         return CheckedText(
-            ok=not [p for p in problems if p.severity == "error"],
+            ok=not any(p.severity == "error" or p.code == "impossible" for p in problems),
             problems=[
                 Found(line=p.line, column=p.column, code=p.code, severity=p.severity, message=p.message)
                 for p in problems

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,13 +23,16 @@ from mpvi_bt.ground.errors import FileProblems, ModelError, Problem
 from mpvi_bt.ground.marked_yaml import SourceMarks, validate_data
 from mpvi_bt.ground.writing import write_whole
 
+Rehearse = Callable[[Plan, SourceMarks | None, History | None], list[Problem]]
 REPAIRS = 3  # Our choice: how often a model may mend its plan
 
 
 class LanguagePlanner:
     """Asks a model for a plan, and for a mended one as long as something is wrong with it, `REPAIRS` times at most.
 
-    An error is sent back as often as that; warnings go with it, and alone once: the robot can go by such a plan.
+    An error is sent back as often as that, and so is what its rehearsal finds to be impossible or short of the goal;
+    other warnings go with it, and alone once: the robot can go by such a plan. In the middle of an episode a plan that
+    is impossible to the last is none.
 
     Args:
         model: Whom to ask.
@@ -39,6 +42,7 @@ class LanguagePlanner:
         without: Names of those that must not.
         last_answer: File for the last answer where it is no plan; None: it is not kept.
         tell: Is told in a line what is being done.
+        rehearse: What carrying a plan out on paper finds, as `Rehearsal.problems`; None: plans are not rehearsed.
 
     Attributes:
         name: The model's.
@@ -55,11 +59,12 @@ class LanguagePlanner:
         without: Collection[str] = (),
         last_answer: Path | None = None,
         tell: Callable[[str], None] = lambda line: None,
+        rehearse: Rehearse | None = None,
     ) -> None:
         self.name = model.name
         self._model, self._skills, self._grounding = model, skills, grounding
         self._recorded, self._without = recorded, without
-        self._last_answer, self._tell = last_answer, tell
+        self._last_answer, self._tell, self._rehearse = last_answer, tell, rehearse
 
     def plan(self, task_name: str, instruction: str) -> Plan:
         """The plan alone. Raises as `ask`."""
@@ -98,15 +103,21 @@ class LanguagePlanner:
             if not found:
                 plan, found = checked(data, task_name, instruction, self._skills, self._grounding, history is None)
                 if plan is not None and not any(problem.severity == "error" for problem in found):
-                    last = not found or usable is not None or len(answers) > REPAIRS
+                    found += self._rehearse(plan, None, history) if self._rehearse is not None else []
+                    wrong = [problem for problem in found if problem.severity != "note"]
+                    again = usable is not None
+                    if usable is not None and _fails(wrong) and not _fails(usable.doubts):
+                        break  # it made things worse
                     usable = Planned(plan, (), tuple(found))
-                    if last:
+                    if not wrong or (again and not _fails(wrong)):
                         break
+                    found = wrong
                     continue
             if usable is not None:
                 break  # it made things worse
-        if usable is not None:
+        if usable is not None and not (history is not None and _stops(usable.doubts)):
             return replace(usable, answers=tuple(answers))
+        found = [problem for problem in usable.doubts if problem.severity != "note"] if usable is not None else found
         count = f"{len(found)} problem{'s' * (len(found) > 1)}"
         kept = self._keep(answers[-1])
         head = f"{self.name} gave no valid plan in {len(answers)} answers; {count} in the last{kept}:"
@@ -119,6 +130,14 @@ class LanguagePlanner:
         self._last_answer.parent.mkdir(parents=True, exist_ok=True)
         write_whole(self._last_answer, answer.text.encode("utf-8", "backslashreplace").decode())
         return f", which is in {self._last_answer}"
+
+
+def _stops(problems: Iterable[Problem]) -> bool:
+    return any(problem.code == "impossible" for problem in problems)
+
+
+def _fails(problems: Iterable[Problem]) -> bool:
+    return any(problem.code in ("impossible", "goal-unmet") for problem in problems)
 
 
 def _asking(name: str, found: Sequence[Problem]) -> str:

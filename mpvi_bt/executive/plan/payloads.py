@@ -40,11 +40,11 @@ class Hands:
         """The segments that took the payloads now in hand."""
         return frozenset(held.segment for held in self._held)
 
-    def take(self, call: SkillCall | None, segment: int) -> str | None:
-        """Go on by one segment with the skill `call`. Returns a certain conflict, if there is one."""
+    def take(self, call: SkillCall | None, segment: int) -> None:
+        """Go on by one segment with the skill `call`."""
         if call is None:
             self._held.clear()
-            return None
+            return
         events = {trigger.event for trigger in call.skill.triggers}
         hand, thing = call.arguments.get("hand"), call.arguments.get("object", "")
         if "release" in events:
@@ -52,22 +52,19 @@ class Hands:
                 self._held.clear()  # passes it on
             else:
                 self._release(thing, hand)
-            return None
+            return
         if call.skill.hands == 2:
-            others = [held for held in self._held if not _same(held.thing, thing)]
             self._held = [_Held(thing, self._all, segment)]
-            return _clash("both hands are needed", others)
+            return
         if "grasp" not in events:
-            return None
+            return
         taken = [held for held in self._held if hand in held.hands] if hand else []
         full = len(self._held) >= len(self._all) or any(held.hands == self._all for held in self._held)
-        needed = f"the {hand} hand is needed" if taken else "a free hand is needed"
         against = taken or (self._held if full else [])
         if any(_same(held.thing, thing) for held in taken):
             against = []  # it takes better hold of it
         self._held = [held for held in self._held if held not in (*against, *taken)]
         self._held.append(_Held(thing, frozenset({hand} if hand else ()), segment))
-        return _clash(needed, against)
 
     def _release(self, thing: str, hand: str | None) -> None:
         named = [held for held in self._held if hand in held.hands] if hand else []
@@ -76,14 +73,6 @@ class Hands:
             self._held.remove(named[0])
         else:
             self._held.clear()
-
-
-def _clash(needed: str, holding: list[_Held]) -> str | None:
-    """A message if the needed hands hold something; else None."""
-    if not holding:
-        return None
-    things = " and ".join(f"the {held.thing} is held since segment {held.segment + 1}" for held in holding)
-    return f"{needed}, and {things}; put it down first"
 
 
 def _same(a: str, b: str) -> bool:

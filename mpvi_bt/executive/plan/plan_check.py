@@ -8,7 +8,6 @@ from itertools import islice
 
 from mpvi_bt.executive.plan.action_like import action_in
 from mpvi_bt.executive.plan.clauses import match
-from mpvi_bt.executive.plan.payloads import Hands
 from mpvi_bt.executive.plan.planning_context import PlanningContext
 from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.executive.plan.skills import Skill, SkillCall
@@ -32,7 +31,7 @@ def plan_problems(
     marks: SourceMarks = _NO_MARKS,
     begins: bool = True,
 ) -> list[Problem]:
-    """Criteria, rooms, targets and hands that cannot be meant; `MAX_PROBLEMS` at most, in the order of the plan.
+    """Criteria, rooms, targets and hands that are not there; `MAX_PROBLEMS` at most, in the order of the plan.
 
     A manipulation that is no skill is no problem (Paper, Subtask Planning appendix: primitives are looked for, and need
     not be found).
@@ -50,7 +49,6 @@ def plan_problems(
 def _problems(
     plan: Plan, skills: Mapping[str, Skill], grounding: PlanningContext | None, marks: SourceMarks, begins: bool
 ) -> Iterator[Problem]:
-    held = Hands(grounding.hands if grounding else ("left", "right"))
     for i, segment in enumerate(plan.segments):
         at = ("segments", i)
         call = match(segment.description, skills) if isinstance(segment, Manipulation) else None
@@ -68,8 +66,6 @@ def _problems(
             for found in _HAND.finditer(segment.description):
                 if found[1].lower() not in grounding.hands:
                     yield marks.unknown((*at, "description"), "hand", found[1].lower(), grounding.hands)
-        if (clash := held.take(call, i)) is not None:
-            yield marks.problem((*at, "description"), "hands-full", clash, severity="warning")
 
 
 def _so(segment: Navigation | Manipulation, call: SkillCall | None) -> str:

@@ -6,15 +6,21 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from mpvi_bt.executive.plan.language_planner import LanguagePlanner
+from mpvi_bt.executive.plan.plan_check import plan_problems
 from mpvi_bt.executive.plan.planners import Planner, RecordedPlanner
 from mpvi_bt.executive.plan.planning_context import PlanningContext
+from mpvi_bt.executive.plan.schema import Plan
 from mpvi_bt.executive.plan.skills import load_skills
-from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import Problem, UserError
+from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks
 from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.robots import sides_of
 from mpvi_bt.runs.choices.backends import NOBODY, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
+from mpvi_bt.runs.choices.named_task import task_named
+from mpvi_bt.runs.choices.rehearsing import make_rehearsal
 
 if TYPE_CHECKING:
     from mpvi_bt.house.instances.tasks import Task
@@ -67,7 +73,43 @@ def make_planner(
         own,
         config.planned.with_suffix(".answer.txt") if config.planned else None,
         tell,
+        make_rehearsal(skills, task, sides_of(config.robot)).problems,
     )
+
+
+def plan_findings(
+    plan: Plan,
+    marks: SourceMarks | None = None,
+    task: Task | None = None,
+    site: PlanningContext | None = None,
+) -> list[Problem]:
+    """What is wrong with a plan: its words and form, and if there is no error in them what its rehearsal finds.
+
+    Args:
+        plan: A valid plan.
+        marks: Of its file; None: it has none.
+        task: With whose facts and goal it is rehearsed; None: the task on file of the plan's name, if it has the same
+            instruction or the plan has none.
+        site: What is where; None: rooms and targets are compared with nothing.
+    """
+    skills = load_skills()
+    marks = marks or SourceMarks.unplaced(plan.model_dump(mode="json"), f"<{plan.task_name}>")
+    found = plan_problems(plan, skills, site, marks)
+    if any(problem.severity == "error" for problem in found):
+        return found
+    try:
+        rehearsal = make_rehearsal(skills, task or _task_of(plan), site.hands if site else SIDES)
+    except UserError:  # its problem or its house cannot be read, which is told of those files
+        rehearsal = make_rehearsal(skills)
+    found += rehearsal.problems(plan, marks)
+    return sorted(found, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
+
+
+def _task_of(plan: Plan) -> Task | None:
+    if plan.task_name not in paths.names("tasks"):
+        return None
+    task = task_named(plan.task_name)
+    return task if plan.instruction in ("", task.instruction) else None
 
 
 def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> PlanningContext:

@@ -14,7 +14,7 @@ from mpvi_bt.executive.rehearsal.paper_world import KEPT
 from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
 from mpvi_bt.ground.geometry.linear_algebra import norm
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.ground.words.phrases import normalize
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _REACH_M = 1.0  # Our choice: fixtures with a gap of this or less are within rea
 _HOT_C = 40.0  # what is warmer than this heats
 
 
-def make_rehearsal(skills: Mapping[str, Skill], task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> Rehearsal:
+def make_rehearsal(skills: Mapping[str, Skill], task: Task | None = None, hands: tuple[str, ...] = SIDES) -> Rehearsal:
     """The rehearsal for a task and a robot with these hands; without a task nothing is known of the start.
 
     Raises:
