@@ -8,7 +8,7 @@ from mpvi_bt.executive.plan.primitives import primitives
 from mpvi_bt.executive.plan.schema import Plan
 from mpvi_bt.executive.plan.skills import Skill
 
-MOST_EXAMPLES = 3
+MOST_EXAMPLES = 2
 LONGEST_EXAMPLE = 16  # segments
 
 

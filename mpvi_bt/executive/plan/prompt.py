@@ -12,7 +12,7 @@ from mpvi_bt.executive.language.chat import Message
 from mpvi_bt.executive.plan.answer_form import answer_text
 from mpvi_bt.executive.plan.planning_context import PlanningContext
 from mpvi_bt.executive.plan.schema import Plan
-from mpvi_bt.executive.plan.skill_phrases import example
+from mpvi_bt.executive.plan.skill_words import effects_words, needs_words, shown_phrase
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.errors import Problem, UserError
 
@@ -102,15 +102,21 @@ def conversation(
 def system_text(skills: Mapping[str, Skill], grounding: PlanningContext | None) -> str:
     """The rules, the robot's hands and skills, and the house."""
     hands = grounding.hands if grounding else ("left", "right")
-    lines = [_RULES, f"The robot's hands: {', '.join(hands)}.", "Its skills, and how each is asked for:"]
+    lines = [_RULES, f"The robot's hands: {', '.join(hands)}."]
+    lines.append("Its skills: how each is asked for, what it needs before, and what is so after it:")
     for skill in filter(lambda skill: skill.hands, skills.values()):
-        said = json.dumps(example(skill.phrases[0]), ensure_ascii=False)
-        lines.append(f"- {said}: {skill.about}{' Takes both hands.' if skill.hands == 2 else ''}")
+        lines.append(_skill_line(skill))
     lines.append("Other deeds may be asked for, too.")
     if grounding is not None:
         lines += ["", "The rooms of the house, and what stands in each; other things are for the robot to find:"]
         lines += [json.dumps({room: kinds}, ensure_ascii=False) for room, kinds in grounding.fixtures().items()]
     return "\n".join(lines)
+
+
+def _skill_line(skill: Skill) -> str:
+    said = json.dumps(shown_phrase(skill), ensure_ascii=False)
+    needs, effects = needs_words(skill), effects_words(skill)
+    return f"- {said}: {skill.about}{f' Needs {needs}.' if needs else ''}{f' Then {effects}.' if effects else ''}"
 
 
 def user_text(instruction: str, situation: str = "") -> str:

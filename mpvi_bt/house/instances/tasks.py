@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -75,6 +76,17 @@ def load_task(name: str) -> Task:
         FileProblems: Everything that is wrong with the file.
     """
     return read_task(paths.find_or_file("tasks", name, "task"))
+
+
+def plans_of(problem: str) -> set[str]:
+    """Names of the plans of all tasks with a problem, whatever else is wrong with the tasks' files."""
+    plans = set()
+    for path in paths.files("tasks"):
+        with suppress(UserError, FileProblems):
+            data, _ = load_marked(path)
+            if isinstance(data, dict) and data.get("problem") == problem and isinstance(data.get("plan"), str):
+                plans.add(data["plan"])
+    return plans
 
 
 def read_task(path: Path) -> Task:

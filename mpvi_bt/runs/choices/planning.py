@@ -64,7 +64,9 @@ def make_planner(
     if choice.part is not None:
         made: Planner = choice.make(skills=skills, grounding=grounding, tell=tell)
         return made
-    own = {task.plan, task.problem, config.task_name} if task else set()
+    from mpvi_bt.house.instances.tasks import plans_of
+
+    own = {task.plan, task.problem, config.task_name, *plans_of(task.problem)} if task else set()
     return LanguagePlanner(
         models.make(config.planner, tell),
         skills,
