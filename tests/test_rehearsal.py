@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pytest
+from pydantic import ValidationError
 
 from mpvi_bt.executive.plan.history import History, SeenObject, Unit
 from mpvi_bt.executive.plan.schema import Plan, load_plan
+from mpvi_bt.executive.plan.skill_effects import SkillEffects
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
 from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
@@ -152,6 +154,13 @@ def test_unknown_deeds_pass_with_a_remark() -> None:
     assert [(p.code, p.severity, p.pointer) for p in problems] == [("not-rehearsed", "note", "/segments/1/description")]
 
 
+def test_a_skill_without_effects_ends_the_rehearsal() -> None:
+    """What it does nobody knows; its criterion is not called impossible."""
+    silent = SKILLS | {"press": SKILLS["press"].model_copy(update={"effects": SkillEffects()})}
+    deeds = ("go to the lamp", "turn on the lamp", "put the bottle on the table")
+    assert found(Rehearsal(silent, KITCHEN), *deeds) == [("not-rehearsed", "/segments/1/description")]
+
+
 @pytest.mark.parametrize("first", ["b1", "b2"])
 def test_whichever_of_like_things_is_meant(first: str) -> None:
     """Where only one order of things that are alike reaches the goal, the plan may have meant that one."""
@@ -211,3 +220,9 @@ def test_amid_an_episode_only_payloads_are_known() -> None:
         assert found(rehearsal, "go to the table", f"put the jar on the table with the {side} hand", history=half) == []
     one_hand = [f"pick up a {thing} with the left hand" for thing in ("bottle", "jar")]
     assert found(rehearsal, "go to the fridge", *one_hand, history=half) == impossible(2)
+
+
+def test_contradicting_effects_are_an_error() -> None:
+    """A thing cannot be open and closed at once."""
+    with pytest.raises(ValidationError, match="open and closed at once"):
+        SkillEffects(open="object", closed="object")

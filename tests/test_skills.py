@@ -162,7 +162,8 @@ def test_a_skill_that_nobody_can_do_is_told(tmp_path: Path, monkeypatch: pytest.
     path = tmp_path / "skills" / "wave_at.yaml"
     path.parent.mkdir()
     path.write_text(WAVE)
-    (problem,) = problems_in(str(path))
+    problem, silent = problems_in(str(path))
+    assert (silent.code, silent.severity) == ("no-effects", "warning")
     assert (problem.code, problem.severity, problem.line) == ("no-doer", "warning", 1)
     assert "(expert, reactive) knows how to do 'wave_at'" in problem.message
     monkeypatch.setenv("MPVI_PATH", str(tmp_path))

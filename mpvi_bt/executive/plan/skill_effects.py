@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from mpvi_bt.executive.plan.pattern import Slot
 from mpvi_bt.ground.marked_yaml import Record
@@ -87,6 +87,14 @@ class SkillEffects(Terms):
     cut: Slot | None = None
     meanwhile: Slot | None = None
     at: Slot | None = None
+
+    @field_validator("closed")
+    @classmethod
+    def _is_one_of_both(cls, closed: Slot | None, info: ValidationInfo) -> Slot | None:
+        """Raises ValueError for a thing that is both open and closed afterward."""
+        if closed is not None and closed == info.data.get("open"):
+            raise ValueError(f"{closed!r} cannot be open and closed at once; leave one of the two out")
+        return closed
 
     @property
     def put(self) -> Pair | None:

@@ -82,7 +82,9 @@ class Rehearsal:
                 return
             except _Unknown:
                 if i + 1 < len(plan.segments) or world.start.called:
-                    message = f"no skill does {shown(segment.description)}; what comes after it is not rehearsed"
+                    message = (
+                        f"no skill tells the effects of {shown(segment.description)}; what follows is not rehearsed"
+                    )
                     yield marks.problem((*at, "description"), "not-rehearsed", message, severity="note")
                 return
         unmet = world.start.unmet(world.truth)
@@ -95,7 +97,8 @@ class Rehearsal:
     ) -> Iterator[str]:
         """Do what a manipulation says. Yields why something in it changes nothing."""
         calls = [match(said, self._skills) for said in clauses(segment.description, self._skills)]
-        if None in calls and not world.bring_about(criterion):
+        known = all(call is not None and call.skill.effects.slots for call in calls)
+        if not known and not world.bring_about(criterion):
             raise _Unknown
         for call in calls:
             if call is not None and (idle := world.do(call, criterion)) is not None:

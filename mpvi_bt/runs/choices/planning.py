@@ -101,7 +101,7 @@ def plan_findings(
         return found
     try:
         rehearsal = make_rehearsal(skills, task or _task_of(plan), site.hands if site else SIDES)
-    except UserError:  # its problem or its house cannot be read, which is told of those files
+    except (UserError, ModuleNotFoundError):  # its problem or house cannot be read, or the house is not installed
         rehearsal = make_rehearsal(skills)
     found += rehearsal.problems(plan, marks)
     return sorted(found, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]

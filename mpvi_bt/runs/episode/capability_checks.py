@@ -8,6 +8,7 @@ from typing import Any
 from mpvi_bt.executive.behaviors.parameters import Prompt
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.pattern import pattern
+from mpvi_bt.executive.plan.skill_effects import SkillEffects
 from mpvi_bt.executive.plan.skills import Skill, SkillCall, load_skills, shipped_skills
 from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.ground.errors import Problem, UserError, nearest, shown
@@ -22,7 +23,22 @@ _SERVERS = tuple(name for name, backend in BACKENDS["policy"].items() if backend
 
 
 def lint_skill(data: Any, marks: SourceMarks) -> list[Problem]:
-    """The warning of a skill that none of our policies knows how to do, of a file without errors."""
+    """Warnings of a file without errors: a skill that none of our policies can do, or one without effects."""
+    return [*_undone(data, marks), *_idle(data, marks)]
+
+
+def _idle(data: Any, marks: SourceMarks) -> Iterator[Problem]:
+    """The warning of a skill without effects, of its own or of the skill that it is `like`."""
+    model = load_skills().get(data.get("like") or data["name"]) if not data.get("effects") else None
+    effects = SkillEffects(**data["effects"]) if data.get("effects") else model and model.effects
+    if effects is not None and effects.slots:
+        return
+    message = "the skill tells no effects: plans that use it are not rehearsed from there on"
+    yield marks.problem(("name",), "no-effects", message, severity="warning")
+
+
+def _undone(data: Any, marks: SourceMarks) -> list[Problem]:
+    """The warning of a skill that none of our policies knows how to do."""
     if (like := data.get("like")) is not None:
         return list(_unlike(data, like, marks))
     if data.get("motion") is not None or (name := data["name"]) in shipped_skills():
