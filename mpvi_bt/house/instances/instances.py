@@ -13,7 +13,7 @@ from mpvi_bt.finding.navigation.traversability import floor_obstacles, traversab
 from mpvi_bt.ground.errors import BackendError
 from mpvi_bt.ground.geometry.kinematics import wrap
 from mpvi_bt.ground.geometry.linear_algebra import norm
-from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.goals.evaluate import early, unmet
 from mpvi_bt.house.goals.predicates import truth_in
@@ -56,7 +56,7 @@ def begin(
     *,
     render: bool = True,
     assisted: bool = False,
-    robot: RobotModel = R1,
+    robot: RobotDescription = R1,
 ) -> tuple[SimWorld, Start]:
     """An instance of a task, settled and checked. The same arguments give the same world.
 
@@ -107,7 +107,7 @@ def begin(
     raise BackendError(f"{task.problem}: no start of instance {instance} would do in {DRAWS} draws; the last: {wrong}")
 
 
-def _with_room(robot: RobotModel, start: Start, house: House, world: SimWorld) -> Start:
+def _with_room(robot: RobotDescription, start: Start, house: House, world: SimWorld) -> Start:
     """The start, with a base that is not round moved to the nearest free pose; unchanged if there is none.
 
     `world` is that of the start, with another robot.
@@ -128,7 +128,7 @@ def _with_room(robot: RobotModel, start: Start, house: House, world: SimWorld) -
 
 
 def settled(
-    house: House, start: Start, *, render: bool = True, assisted: bool = False, robot: RobotModel = R1
+    house: House, start: Start, *, render: bool = True, assisted: bool = False, robot: RobotDescription = R1
 ) -> tuple[SimWorld, list[str]]:
     """The world of a start once everything has come to rest, and the names of what has not within 4 s."""
     world = SimWorld(

@@ -9,7 +9,7 @@ import sapien
 from numpy.typing import NDArray
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import RobotModel
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.house.instances.sampling import Start
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.sim.cameras import Cameras
@@ -46,7 +46,7 @@ class ManiSkillWorld(SimWorld):
         self._step = step
         self._wrapped = False
 
-    def _put_robot(self, base_pose: Array, model: RobotModel) -> SimRobot:
+    def _put_robot(self, base_pose: Array, model: RobotDescription) -> SimRobot:
         return self._put(base_pose, self.cameras)
 
     def stepped(self) -> None:

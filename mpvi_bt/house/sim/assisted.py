@@ -52,7 +52,7 @@ class Attachments:
 
     def _attach(self, side: Side, thing: Thing) -> None:
         """Fix a thing to a hand as they stand."""
-        hand = self._robot.links[self._robot.model.hand_links[side]]
+        hand = self._robot.links[self._robot.physics.hand_links[side]]
         T_world_hand = hand.entity.pose.to_transformation_matrix().astype(float)
         T_hand_thing = matmul(kin.inverse(T_world_hand), thing.T_world_body())
         drive = self._scene.create_drive(hand, sapien.Pose(T_hand_thing), thing.root_body, sapien.Pose())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import sapien
@@ -10,9 +11,10 @@ import sapien
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.house.sim.cameras import Cameras
+from mpvi_bt.house.sim.robot_physics import physics_of
 
 
 class SimBody:
@@ -20,6 +22,7 @@ class SimBody:
 
     Attributes:
         model: What robot it is.
+        physics: What physics needs to know of it.
         articulation: Its joints and links.
         links: The links by name.
     """
@@ -27,7 +30,7 @@ class SimBody:
     def __init__(
         self,
         articulation: sapien.physx.PhysxArticulation,
-        model: RobotModel,
+        model: RobotDescription,
         cameras: Cameras | None,
         prefix: str = "",
     ) -> None:
@@ -39,15 +42,17 @@ class SimBody:
             cameras: None: no pictures.
             prefix: What their names begin with.
         """
-        self.articulation, self.model = articulation, model
+        self.articulation, self.model, self.physics = articulation, model, physics_of(model)
         self._cameras = cameras
         self.links = {link.name.removeprefix(prefix): link for link in articulation.links}
         self._joints = {joint.name.removeprefix(prefix): joint for joint in articulation.active_joints}
         order = list(self._joints)
-        self._base = [order.index(n) for n in model.base_joints]
+        self._base = [order.index(n) for n in self.physics.base_joints]
         self._torso = [(i, order.index(n)) for i, n in enumerate(model.torso_joints) if n is not None]
         self._arm = {s: [order.index(n) for n in names] for s, names in model.arm_joints.items()}
-        self._fingers = {s: [order.index(n) for n in names] for s, names in model.finger_joints.items()}
+        self._fingers = {s: [order.index(f.joint) for f in group] for s, group in self.physics.fingers.items()}
+        self._closed = {s: np.array([f.closed for f in group]) for s, group in self.physics.fingers.items()}
+        self._rates = {s: np.array([f.rate for f in group]) for s, group in self.physics.fingers.items()}
         self._felt: Proprioception | None = None
 
     @property
@@ -57,7 +62,7 @@ class SimBody:
 
     @property
     def arm_command(self) -> Mapping[Side, Array]:
-        """(7,) what each arm was told last."""
+        """(n,) what each arm was told last."""
         raise NotImplementedError
 
     def proprioception(self) -> Proprioception:
@@ -76,15 +81,20 @@ class SimBody:
                 torso=torso,
                 arm={k: q[i] for k, i in self._arm.items()},
                 arm_velocity={k: v[i] for k, i in self._arm.items()},
-                gripper_width={k: float(q[i].sum()) for k, i in self._fingers.items()},
+                gripper_width={k: self._apart(q[i] - self._closed[k], k) for k, i in self._fingers.items()},
                 gripper_command=self.gripper_command,
                 arm_command=self.arm_command,
                 torso_velocity=torso_velocity,
-                gripper_velocity={k: float(v[i].sum()) for k, i in self._fingers.items()},
+                gripper_velocity={k: self._apart(v[i], k) for k, i in self._fingers.items()},
                 robot=self.model.name,
-                open_m=self.model.hand.opening_m,
+                open_m=self.model.opening_m,
+                grasp_m=self.model.grasp_m,
             )
         return self._felt
+
+    def _apart(self, moved: Array, side: Side) -> float:
+        """How far fingers are apart by how far the joints of a hand are from closed; or how fast, by their speeds."""
+        return float((moved / self._rates[side]).sum()) * (2 / len(moved))
 
     def forget(self) -> None:
         """Have the next `proprioception` measure anew: physics has gone on outside of a control step."""
@@ -94,7 +104,10 @@ class SimBody:
         """Render one of the robot's cameras. Raises NoRenderingDevice in a world that was built without rendering."""
         if self._cameras is None:
             raise Cameras.missing()
-        return self._cameras.look(camera)
+        image = self._cameras.look(camera)
+        if self.model.cameras[camera].depth:
+            return image
+        return replace(image, depth=np.zeros_like(image.depth))
 
     def hand_pose_world(self, side: Side) -> Array:
         """T_world_tcp (4, 4) as the joints have it."""
@@ -103,14 +116,13 @@ class SimBody:
 
     def hands_world(self) -> Array:
         """(n, 3) places in physics of the hand links, which carry the fingers [m]."""
-        return np.array([self.links[self.model.hand_links[side]].entity.pose.p for side in self.model.sides], float)
+        return np.array([self.links[self.physics.hand_links[side]].entity.pose.p for side in self.model.sides], float)
 
     def fingertips_world(self) -> Array:
         """(2 n, 3) ends of the fingers of its hands, the left one's first [m]."""
         felt, out = self.proprioception(), []
-        base, chest = kin.base(felt.base_pose), self.model.chest(felt.torso)
         for side in self.model.sides:
-            T = matmul(base, matmul(chest, self.model.arm(felt.arm[side], side)))
-            apart = felt.gripper_width[side] / 2 + self.model.hand.finger_half_m
-            out += [T[:3, 3] + y * T[:3, 1] + self.model.hand.tip_m * T[:3, 2] for y in (-apart, apart)]
+            T = self.hand_pose_world(side)
+            apart = felt.gripper_width[side] / 2 + self.physics.finger_half_m
+            out += [T[:3, 3] + y * T[:3, 1] + self.physics.tip_m * T[:3, 2] for y in (-apart, apart)]
         return np.array(out)

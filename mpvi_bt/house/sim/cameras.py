@@ -31,6 +31,7 @@ class Cameras:
     def __init__(self, scene: sapien.Scene) -> None:
         self._scene = scene
         self._cameras: dict[str, sapien.render.RenderCameraComponent] = {}
+        self._mounts: dict[str, Array] = {}  # (4, 4) in their entities, looking along x
         self._free: dict[tuple[int, int], sapien.Entity] = {}
         self.names: Mapping[int, str] = {}
         self.before: Callable[[], None] = lambda: None
@@ -42,18 +43,25 @@ class Cameras:
         """The error for a picture that nobody can draw."""
         return NoRenderingDevice("this world was built without rendering; `mpvi doctor` says what pictures need")
 
-    def mount(self, name: str, camera: Camera, entity: sapien.Entity) -> None:
-        """Fix a camera to an entity, looking along its x with z up."""
+    def mount(self, name: str, camera: Camera, entity: sapien.Entity, T_entity_camera: Array | None = None) -> None:
+        """Fix a camera to an entity: looking along its x with z up, or in an optical frame (4, 4)."""
         component = sapien.render.RenderCameraComponent(camera.width, camera.height)
         component.set_fovy(camera.fov_rad)
         component.near, component.far = camera.near_m, camera.far_m
+        if camera.intrinsics is not None:
+            component.set_perspective_parameters(camera.near_m, camera.far_m, *camera.intrinsics, 0.0)
         component.name = name
+        if T_entity_camera is not None:
+            self._mounts[name] = matmul(T_entity_camera, _OPTICAL_TO_LINK)
+            component.set_local_pose(sapien.Pose(self._mounts[name]))
         entity.add_component(component)
         self._cameras[name] = component
 
     def misalign(self, camera: str, T_nominal_real: Array) -> None:
         """Have a camera sit off its nominal pose; (4, 4), its real optical frame to its nominal one."""
         T = matmul(transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)), T_nominal_real, _OPTICAL_TO_LINK)
+        if (mount := self._mounts.get(camera)) is not None:
+            T = matmul(mount, T)
         self._cameras[camera].set_local_pose(sapien.Pose(T))
 
     def look(self, name: str) -> CameraImage:

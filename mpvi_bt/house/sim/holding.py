@@ -66,15 +66,15 @@ class Holding:
         return nearest if nearest is not None and gaps[nearest] < _PRESSED_M else None
 
     def pinched(self, side: Side) -> list[str]:
-        """The things that both fingers of one hand touch, by the contacts of the last physics step."""
-        fingers = [self._robot.links[name].entity for name in self._robot.model.finger_links[side]]
-        touched: list[set[str]] = [set(), set()]
+        """The things that two fingers of one hand touch, by the contacts of the last physics step."""
+        fingers = [self._robot.links[name].entity for name in self._robot.physics.finger_links[side]]
+        touched: list[set[str]] = [set() for _ in fingers]
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)
             for k, finger in enumerate(fingers):
                 if finger in (a, b) and any(p.separation < TOUCHING_M for p in contact.points):
                     touched[k].add((b if finger == a else a).name)
-        return [name for name in self._objects if all(name in names for names in touched)]
+        return [name for name in self._objects if sum(name in names for names in touched) > 1]
 
     def within(self, name: str) -> Sequence[str]:
         """The things whose middle lies in the container volumes of a thing."""

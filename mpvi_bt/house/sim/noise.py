@@ -17,7 +17,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Robot
-from mpvi_bt.ground.robot.robots import model_named
+from mpvi_bt.ground.robot.robots import robot_named
 
 _STANDING = 0.03  # [m/s, rad/s]: slower than this the base stands
 _SAME_M = 0.05  # and this near it stands where it stood
@@ -76,7 +76,7 @@ class NoisyRobot:
         self._robot, self._cameras, self._errors = robot, cameras, errors
         fixed, self._walk, self._pixels, places = (np.random.default_rng([seed, k]) for k in range(4))
         felt = robot.proprioception()
-        own = model_named(felt.robot)
+        own = robot_named(felt.robot)
         self._turn_m = own.base.turn_m  # Our choice: turning on the spot drifts like driving as far as the wheels roll
         self.mounts: Mapping[str, Array] = {camera: _mount(errors, fixed) for camera in own.cameras}
         self._true = felt.base_pose
@@ -85,7 +85,7 @@ class NoisyRobot:
 
     @property
     def action(self) -> Array:
-        """(23,) the command that the next step will carry out."""
+        """(A,) the command that the next step will carry out."""
         return self._robot.action
 
     def act(self, action: Array) -> None:
@@ -160,11 +160,7 @@ class StandingError:
 
 def _nominal(camera: str, felt: Proprioception) -> Array:
     """T_base_camera (4, 4) as the joints have it."""
-    robot = model_named(felt.robot)
-    for side in felt.sides:
-        if camera == side:
-            return robot.wrist_camera(felt.torso, felt.arm[side], side)
-    return robot.head_camera(felt.torso)
+    return robot_named(felt.robot).camera_poses(felt.torso, felt.arm)[camera]
 
 
 def _mount(errors: Errors, rng: np.random.Generator) -> Array:

@@ -12,11 +12,12 @@ import sapien
 
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION, commanded, travel_action
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.body import SimBody
 from mpvi_bt.house.sim.cameras import Cameras
+from mpvi_bt.house.sim.robot_physics import RobotPhysics, physics_of
 
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
@@ -25,7 +26,9 @@ CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half wi
 class SimRobot(SimBody):
     """`mpvi_bt.ground.robot.protocol.Robot` over a SAPIEN articulation."""
 
-    def __init__(self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None, model: RobotModel = R1) -> None:
+    def __init__(
+        self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None, model: RobotDescription = R1
+    ) -> None:
         """Put a robot into `scene` at `base_pose` (3,) x, y [m], yaw [rad], hands folded; no cameras: no pictures."""
         super().__init__(load_robot(scene, model, visible=cameras is not None), model, cameras)
         layout = model.layout
@@ -33,9 +36,10 @@ class SimRobot(SimBody):
         arms = [(n, layout.arm[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
         self._targets = [self._joints[n] for n, _ in (*torso, *arms)]
         self._driven = np.array([i for _, i in (*torso, *arms)])  # where these are in an action
+        self._kept = [i for i in range(layout.size) if i not in layout.base]
         if cameras is not None:
             for name, camera in model.cameras.items():
-                cameras.mount(name, camera, self.links[camera.link].entity)
+                cameras.mount(name, camera, self.links[camera.link].entity, self.physics.mounts.get(name))
 
         self._action = travel_action(model)
         self._sent: Array | None = None
@@ -46,7 +50,8 @@ class SimRobot(SimBody):
         for i, at in self._torso:
             q[at] = model.travel_torso[i]
         for s in model.sides:
-            q[self._arm[s]], q[self._fingers[s]] = model.travel_arm[s], model.hand.travel_m
+            q[self._arm[s]] = model.travel_arm[s]
+            q[self._fingers[s]] = [f.closed + f.rate * (model.opening_m / 2) for f in self.physics.fingers[s]]
         self.articulation.set_qpos(q)
         self.articulation.set_qvel(np.zeros_like(q))
         self.apply()
@@ -71,7 +76,7 @@ class SimRobot(SimBody):
 
     @property
     def arm_command(self) -> Mapping[Side, Array]:
-        """(7,) what each arm was told last."""
+        """(n,) what each arm was told last."""
         return {s: self._action[self.model.layout.arm[s]].copy() for s in self.model.sides}
 
     def hold(self) -> None:
@@ -98,14 +103,14 @@ class SimRobot(SimBody):
         self.articulation.set_qpos(values["q"])
         self.articulation.set_qvel(values["v"])
         self._velocity = values["base"]
-        for name in self.model.base_joints:  # what it was doing until now; `apply` goes on from the saved speed
+        for name in self.physics.base_joints:  # what it was doing until now; `apply` goes on from the saved speed
             self._joints[name].set_drive_velocity_target(0.0)
         self._sent = None
         self.act(values["action"])
         self.apply()
 
     def stand(self, arms: Mapping[Side, Array]) -> None:
-        """Have arms stand in postures (7,) at once, at rest, and keep them."""
+        """Have arms stand in postures (n,) at once, at rest, and keep them."""
         q, action = self.articulation.get_qpos(), self.action
         for side, posture in arms.items():
             q[self._arm[side]] = action[self.model.layout.arm[side]] = posture
@@ -119,7 +124,7 @@ class SimRobot(SimBody):
         """Send the command to the drives. The world calls it once a control step."""
         action, sent = self._action, self._sent
         self._drive_base(self.model.layout.velocity(action))
-        if sent is None or not np.array_equal(action[3:], sent[3:]):
+        if sent is None or not np.array_equal(action[self._kept], sent[self._kept]):
             before = action if sent is None else sent
             for joint, target, last in zip(
                 self._targets, action[self._driven].tolist(), before[self._driven].tolist(), strict=True
@@ -128,10 +133,13 @@ class SimRobot(SimBody):
                 # Without its velocity a PD drive trails a moving target by damping / stiffness = 0.1 s.
                 joint.set_drive_velocity_target((target - last) * CONTROL_HZ)
             for s in self.model.sides:
-                open_m = self.model.hand.travel_m - CLOSED_M
-                finger = CLOSED_M + (float(action[self.model.layout.gripper[s]]) + 1) / 2 * open_m
-                for name in self.model.finger_joints[s]:
-                    self._joints[name].set_drive_target(finger)
+                open_m = self.model.opening_m / 2 - CLOSED_M
+                out_m = CLOSED_M + (float(action[self.model.layout.gripper[s]]) + 1) / 2 * open_m
+                for finger in self.physics.fingers[s]:
+                    self._joints[finger.joint].set_drive_target(finger.closed + finger.rate * out_m)
+            for follower in self.physics.followers:
+                target = float(self._joints[follower.followed].drive_target[0])
+                self._joints[follower.joint].set_drive_target(follower.factor * target + follower.offset)
             self._sent, self._moving = action.copy(), True
         elif self._moving:
             for joint in self._targets:
@@ -150,29 +158,32 @@ class SimRobot(SimBody):
         )  # the heading midway through the step
         c, s = np.cos(yaw), np.sin(yaw)
         vx, vy, w = self._velocity
-        for name, v in zip(self.model.base_joints, (c * vx - s * vy, s * vx + c * vy, w), strict=True):
+        for name, v in zip(self.physics.base_joints, (c * vx - s * vy, s * vx + c * vy, w), strict=True):
             self._joints[name].set_drive_velocity_target(float(v))
 
 
-def load_robot(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx.PhysxArticulation:
+def load_robot(scene: sapien.Scene, model: RobotDescription, visible: bool) -> sapien.physx.PhysxArticulation:
     """A robot's joints and links with its drives' gains, all joints at 0; `visible`: with what cameras see of it."""
-    articulation = _load(scene, model, visible)
+    physics = physics_of(model)
+    articulation = _load(scene, physics, visible)
     joints = {joint.name: joint for joint in articulation.active_joints}
     for name, joint in joints.items():
-        gains = model.drives[name]
-        joint.set_drive_properties(gains.stiffness, gains.damping, gains.force, mode="force")
+        gains = physics.drives[name]
+        gripping = any(name == finger.joint for group in physics.fingers.values() for finger in group)
+        mode = "force" if gripping else physics.mode
+        joint.set_drive_properties(gains.stiffness, gains.damping, gains.force, mode=mode)
         joint.set_friction(0.0)
-    for name in model.still:
+    for name in physics.still:
         joints[name].set_drive_target(0.0)
     for link in articulation.links:
         link.disable_gravity = True  # the arms are taken to be gravity-compensated
-    _exempt_neighbors(model, {link.name: link for link in articulation.links})
+    _exempt_neighbors(physics, {link.name: link for link in articulation.links})
     return articulation
 
 
-def _exempt_neighbors(model: RobotModel, links: Mapping[str, sapien.physx.PhysxArticulationLinkComponent]) -> None:
+def _exempt_neighbors(physics: RobotPhysics, links: Mapping[str, sapien.physx.PhysxArticulationLinkComponent]) -> None:
     """Let neighbors that overlap at their joint pass through each other."""
-    for bit, group in enumerate(model.neighbors, start=20):
+    for bit, group in enumerate(physics.neighbors, start=20):
         for name in group:
             for shape in links[name].collision_shapes:
                 words = list(shape.get_collision_groups())
@@ -180,18 +191,17 @@ def _exempt_neighbors(model: RobotModel, links: Mapping[str, sapien.physx.PhysxA
                 shape.set_collision_groups(words)
 
 
-def _load(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx.PhysxArticulation:
+def _load(scene: sapien.Scene, physics: RobotPhysics, visible: bool) -> sapien.physx.PhysxArticulation:
     loader = scene.create_urdf_loader()
     loader.fix_root_link = True
-    for fingers in model.finger_links.values():
+    for fingers in physics.finger_links.values():
         for name in fingers:
             loader.set_link_material(name, FINGER_FRICTION, FINGER_FRICTION, 0.0)
             loader.set_link_patch_radius(name, 0.1)
             loader.set_link_min_patch_radius(name, 0.1)
-    text = model.urdf()
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{model.name}.urdf"
-        path.write_text(text if visible else _without_visuals(text))
+        path = Path(folder) / "robot.urdf"
+        path.write_text(physics.urdf if visible else _without_visuals(physics.urdf))
         return loader.load(str(path))
 
 

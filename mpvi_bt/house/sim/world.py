@@ -17,8 +17,8 @@ from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.protocols import StepClock
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Side
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.layout.house import House
 from mpvi_bt.house.sim.assisted import Attachments
@@ -86,7 +86,7 @@ class SimWorld(StepClock):
         render: bool = True,
         assisted: bool = False,
         scene: sapien.Scene | None = None,
-        robot: RobotModel = R1,
+        robot: RobotDescription = R1,
         future: Mapping[str, CatalogueEntry] | None = None,
     ) -> None:
         """Build everything; nothing has moved yet.
@@ -151,7 +151,7 @@ class SimWorld(StepClock):
         self.bumps: Bumps | None = None
         self.physics_s = 0.0
 
-    def _put_robot(self, base_pose: Array, model: RobotModel) -> SimRobot:
+    def _put_robot(self, base_pose: Array, model: RobotDescription) -> SimRobot:
         """The robot, once all else is there."""
         return SimRobot(self._scene, base_pose, self.cameras, model)
 

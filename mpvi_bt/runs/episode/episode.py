@@ -20,7 +20,7 @@ from mpvi_bt.finding.navigation.exploring import ExploringNavigator
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.robots import model_named
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.writing import write_whole
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
@@ -91,7 +91,7 @@ def run(
     elif config.sim == "sapien":
         world, start = begin(
             task, house, catalogue, problem, config.instance, config.split, render=_renders(config),
-            assisted=config.assisted, robot=model_named(config.robot),
+            assisted=config.assisted, robot=robot_named(config.robot),
         )  # fmt: skip
     else:
         world, start = begin_elsewhere(config, _renders(config))

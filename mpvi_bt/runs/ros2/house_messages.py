@@ -10,14 +10,14 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
-from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.recording import ros_values
 
 ODOM = "odom"
 
 
-def joint_state(model: RobotModel, felt: Proprioception, stamp: Time) -> JointState:
+def joint_state(model: RobotDescription, felt: Proprioception, stamp: Time) -> JointState:
     """Every joint of torso, arms and fingers by its name [m, rad, m/s, rad/s]; fingers share the opening evenly."""
     told = ros_values.joint_states(0.0, model, felt)
     message = JointState(name=told["name"], position=told["position"], velocity=told["velocity"])

@@ -30,7 +30,7 @@ from mpvi_bt.executive.ticking.goal_report import GoalReport
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
-from mpvi_bt.ground.robot.robots import model_named
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.house.goals.evaluate import judge, snapshot
 from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.instances.instances import begin, expanded_problem
@@ -108,7 +108,7 @@ def play(session: HouseSession, say: Callable[[str], None], stop: Callable[[], b
     """
     task = load_task(session.task)
     task.check_instance(session.instance)
-    robot = model_named(session.robot)
+    robot = robot_named(session.robot)
     bridge = load_bridge(session.bridge, robot)
     check_mirrored(bridge)
     house, catalogue = load_house(task.house), load_catalogue()

@@ -25,7 +25,7 @@ from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.human import Human, human_stats
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
-from mpvi_bt.ground.robot.robots import model_named, robot_named
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.behavior_robot import behavior_layout
 from mpvi_bt.hands.behavior_robot.behavior import Behavior
 from mpvi_bt.house.goals.evaluate import judge, snapshot
@@ -157,7 +157,7 @@ def _rollout(
     listener.said(f"{session.task}, instance {instance}: setting up")
     if session.dialect == "behavior-2025":
         server.reset()
-    robot = model_named(session.robot)
+    robot = robot_named(session.robot)
     world, start = begin(task, house, catalogue, problem, instance, assisted=session.assisted, robot=robot)
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
