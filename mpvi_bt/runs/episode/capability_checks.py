@@ -29,9 +29,9 @@ def lint_skill(data: Any, marks: SourceMarks) -> list[Problem]:
 
 def _idle(data: Any, marks: SourceMarks) -> Iterator[Problem]:
     """The warning of a skill without effects, of its own or of the skill that it is `like`."""
-    model = load_skills().get(data.get("like") or data["name"]) if not data.get("effects") else None
-    effects = SkillEffects(**data["effects"]) if data.get("effects") else model and model.effects
-    if effects is not None and effects.slots:
+    model = load_skills().get(data.get("like") or data["name"])
+    effects = SkillEffects(**data["effects"]) if data.get("effects") else model.effects if model else SkillEffects()
+    if effects.slots:
         return
     message = "the skill tells no effects: plans that use it are not rehearsed from there on"
     yield marks.problem(("name",), "no-effects", message, severity="warning")

@@ -1,0 +1,78 @@
+"""A robot of a file in the house's physics: it drives, moves its arm and holds things by what its URDF tells."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.described import DescribedRobot
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.house.sim.world import SimWorld
+from tests.small_house import placed, small_house
+
+FILE = Path(__file__).parent.parent / "examples" / "six_joints" / "robot.yaml"
+
+
+def robot() -> DescribedRobot:
+    found = robot_named(str(FILE))
+    assert isinstance(found, DescribedRobot)
+    return found
+
+
+def world(**things: str) -> SimWorld:
+    at = {name: placed(entry, 1.5, 0.0) for name, entry in things.items()}
+    made = SimWorld(small_house(), at, np.zeros(3), render=False, robot=robot())
+    made.settle()
+    return made
+
+
+def act(made: SimWorld, action: Array, seconds: float) -> None:
+    for _ in range(round(seconds * CONTROL_HZ)):
+        made.robot.act(action)
+        made.step()
+
+
+def test_the_base_drives_along_its_heading_only() -> None:
+    """Two wheels: two seconds ahead at 0.3 m/s are 0.6 m along x, and nothing across."""
+    made = world()
+    action = made.robot.action.copy()
+    robot().layout.set_velocity(action, [0.3, 0.0, 0.0])
+    act(made, action, 2.0)
+    x, y, yaw = made.robot.proprioception().base_pose
+    assert x == pytest.approx(0.6, abs=0.1)
+    assert (y, yaw) == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+def test_the_arm_follows_its_numbers() -> None:
+    """Every joint of the arm comes to where the action has it."""
+    made = world()
+    action = made.robot.action.copy()
+    goal = np.array([0.3, -1.2, 2.4, 0.2, 0.5, -0.3])
+    action[robot().layout.arm["right"]] = goal
+    act(made, action, 3.0)
+    assert made.robot.proprioception().arm["right"] == pytest.approx(goal, abs=0.02)
+
+
+def test_the_gripper_holds_a_thing_while_the_base_drives() -> None:
+    """Fingers press on what is between them; it comes along, and the width tells that something is there."""
+    made = world(can="can_of_soda")
+    felt = made.robot.proprioception()
+    hand = robot().tcp(felt.torso, felt.arm["right"], "right")
+    middle = np.eye(4)
+    middle[:3, 3] = hand[:3, 3] - [0.0, 0.0, 0.06]  # half a can below
+    made.place("can", middle, fixed=True)
+    action = made.robot.action.copy()
+    action[robot().layout.gripper["right"]] = -1.0
+    act(made, action, 1.0)
+    made.place("can", middle, fixed=False)
+    robot().layout.set_velocity(action, [0.3, 0.0, 0.0])
+    act(made, action, 2.0)
+    felt = made.robot.proprioception()
+    assert felt.base_pose[0] > 0.4
+    assert made.holding("right") == "can"
+    assert felt.gripper_width["right"] > robot().grasp_m
+    assert made.pose("can")[0, 3] - middle[0, 3] == pytest.approx(felt.base_pose[0], abs=0.03)
