@@ -40,7 +40,7 @@ def test_the_base_drives_along_its_heading_only() -> None:
     """Two wheels: two seconds ahead at 0.3 m/s are 0.6 m along x, and nothing across."""
     made = world()
     action = made.robot.action.copy()
-    robot().layout.set_velocity(action, [0.3, 0.0, 0.0])
+    robot().layout.set_velocity(action, np.array([0.3, 0.0, 0.0]))
     act(made, action, 2.0)
     x, y, yaw = made.robot.proprioception().base_pose
     assert x == pytest.approx(0.6, abs=0.1)
@@ -69,7 +69,7 @@ def test_the_gripper_holds_a_thing_while_the_base_drives() -> None:
     action[robot().layout.gripper["right"]] = -1.0
     act(made, action, 1.0)
     made.place("can", middle, fixed=False)
-    robot().layout.set_velocity(action, [0.3, 0.0, 0.0])
+    robot().layout.set_velocity(action, np.array([0.3, 0.0, 0.0]))
     act(made, action, 2.0)
     felt = made.robot.proprioception()
     assert felt.base_pose[0] > 0.4

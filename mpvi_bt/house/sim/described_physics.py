@@ -21,7 +21,7 @@ from mpvi_bt.ground.robot.model import Drive
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.ground.robot.urdf_tree import UrdfJoint, mesh_file
 from mpvi_bt.hands.robots.urdf_writing import Vector, add_joint, add_link, vector
-from mpvi_bt.house.sim.robot_physics import Finger, Follower, RobotPhysics
+from mpvi_bt.house.sim.robot_physics import Finger, MimicJoint, RobotPhysics
 
 _BASE_JOINTS = ("mpvi_base_x", "mpvi_base_y", "mpvi_base_yaw")
 _BASE_LINKS = ("mpvi_floor", "mpvi_base_x_link", "mpvi_base_y_link", "mpvi_base_link")
@@ -45,7 +45,7 @@ def described_physics(robot: DescribedRobot) -> RobotPhysics:
     gripping = {finger.joint for group in fingers.values() for finger in group}
     led = {*filter(None, robot.torso_joints), *(name for names in robot.arm_joints.values() for name in names)}
     followers = tuple(
-        Follower(joint.name, *joint.mimic)
+        MimicJoint(joint.name, *joint.mimic)
         for joint in moving if joint.mimic is not None and joint.name not in gripping and joint.mimic[0] in led
     )  # fmt: skip
     following = {follower.joint for follower in followers}

@@ -24,7 +24,7 @@ class Finger:
 
 
 @dataclass(frozen=True)
-class Follower:
+class MimicJoint:
     """A joint that follows another one: it is at `factor * q + offset`."""
 
     joint: str
@@ -64,7 +64,7 @@ class RobotPhysics:
     finger_half_m: float
     neighbors: tuple[tuple[str, ...], ...]
     still: tuple[str, ...] = ()
-    followers: tuple[Follower, ...] = ()
+    followers: tuple[MimicJoint, ...] = ()
     mounts: Mapping[str, Array] = field(default_factory=dict)
 
 
