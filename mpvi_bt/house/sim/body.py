@@ -14,7 +14,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.house.sim.cameras import Cameras
-from mpvi_bt.house.sim.robot_physics import physics_of
+from mpvi_bt.house.sim.physics_of_robots import physics_of
 
 
 class SimBody:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Literal
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.described import DescribedRobot
-from mpvi_bt.ground.robot.model import Drive, RobotModel
+from mpvi_bt.ground.robot.model import Drive
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 
 @dataclass(frozen=True)
@@ -66,26 +63,3 @@ class RobotPhysics:
     still: tuple[str, ...] = ()
     followers: tuple[MimicJoint, ...] = ()
     mounts: Mapping[str, Array] = field(default_factory=dict)
-
-
-@cache
-def physics_of(robot: RobotDescription) -> RobotPhysics:
-    """What physics needs to know of a robot: by its model, or by the URDF of its file."""
-    if isinstance(robot, DescribedRobot):
-        from mpvi_bt.house.sim.described_physics import described_physics
-
-        return described_physics(robot)
-    assert isinstance(robot, RobotModel)
-    return RobotPhysics(
-        urdf=robot.urdf(),
-        base_joints=robot.base_joints,
-        drives=robot.drives,
-        mode="force",
-        fingers={side: tuple(map(Finger, names)) for side, names in robot.finger_joints.items()},
-        finger_links=robot.finger_links,
-        hand_links=robot.hand_links,
-        tip_m=robot.hand.tip_m,
-        finger_half_m=robot.hand.finger_half_m,
-        neighbors=robot.neighbors,
-        still=robot.still,
-    )

@@ -17,7 +17,8 @@ from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.house.sim.body import SimBody
 from mpvi_bt.house.sim.cameras import Cameras
-from mpvi_bt.house.sim.robot_physics import RobotPhysics, physics_of
+from mpvi_bt.house.sim.physics_of_robots import physics_of
+from mpvi_bt.house.sim.robot_physics import RobotPhysics
 
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
