@@ -247,8 +247,9 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         self._views = {name: adopt(self.scene, [things[name] for things in self._houses]) for name in first}
         order = [joint.name for joint in self.agent.robot.active_joints]
         self._batch = Batch(self.scene, StateLayout(first, order), self._views, self.agent.robot)
-        model = self.worlds[0].robot.model
-        self._base = [order.index(name) for name in model.base_joints]
+        robot = self.worlds[0].robot
+        model = robot.model
+        self._base = [order.index(name) for name in robot.physics.base_joints]
         self._hands = [[order.index(name) for name in pair] for pair in model.finger_joints.values()]
         jointed = {name: list(zip(*thing.openings, strict=True)) for name, thing in first.items() if thing.openings}
         self._openings = {

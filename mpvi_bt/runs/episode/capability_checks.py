@@ -29,7 +29,9 @@ def lint_skill(data: Any, marks: SourceMarks) -> list[Problem]:
 
 def _idle(data: Any, marks: SourceMarks) -> Iterator[Problem]:
     """The warning of a skill without effects, of its own or of the skill that it is `like`."""
-    model = load_skills().get(data.get("like") or data["name"])
+    if (like := data.get("like")) is not None and like not in load_skills():
+        return  # told by `_unlike`
+    model = load_skills().get(like or data["name"])
     effects = SkillEffects(**data["effects"]) if data.get("effects") else model.effects if model else SkillEffects()
     if effects.slots:
         return
