@@ -16,6 +16,7 @@ from mpvi_bt.ground.errors import UserError
 
 FOLDERS = {
     "tasks": "tasks", "suites": "tasks/suites", "methods": "tasks/methods", "skills": "skills", "trees": "trees",
+    "robots": "robots",
 }  # fmt: skip
 
 
@@ -24,7 +25,7 @@ FOLDERS = {
 @click.option("--long", "whole", is_flag=True, help="Full descriptions, over several lines.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
 def list_(what: str, whole: bool, as_json: bool) -> None:
-    """What tasks, suites, methods, skills, trees, nodes or backends there are, with one line each.
+    """What tasks, suites, methods, skills, trees, robots, nodes or backends there are, with one line each.
 
     Objects are the things of the catalogue, families what makes their shapes of parameters (with pictures:
     docs/families.md). Nodes are those that any tree may have: ours and those of installed packages.

@@ -21,7 +21,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 
 @click.group()
 def new() -> None:
-    """Write files to begin with: a tree, skill, object, house or task, or a part in Python.
+    """Write files to begin with: a tree, skill, object, robot, house or task, or a part in Python.
 
     They go below the first folder of MPVI_PATH, or else below the current one; nothing is written over. What is written
     passes `mpvi check` and runs as it is.
@@ -113,6 +113,23 @@ def object_(
 
 @new.command()
 @_named
+@click.option("--urdf", type=_FILE, required=True, metavar="FILE", help="Its URDF, expanded if it is xacro.")
+@click.option(
+    "--base", type=click.Choice(["holonomic", "differential"]), help="How it drives.  [default: by its wheels]"
+)
+def robot(
+    name: str, root: Path | None, as_json: bool, urdf: Path, base: Literal["holonomic", "differential"] | None
+) -> None:
+    """A robot of your own, from its URDF: joints and cameras are found in it, and what is guessed is said."""
+    from mpvi_bt.apps.authoring.robot_skeleton import new_robot
+    from mpvi_bt.apps.authoring.skeletons import home
+
+    folder = home() if root is None else root
+    _write(new_robot(name, urdf, folder, base), folder, as_json, _left)
+
+
+@new.command()
+@_named
 def house(name: str, root: Path | None, as_json: bool) -> None:
     """A house of two rooms."""
     from mpvi_bt.apps.authoring.skeletons import new_house
@@ -161,6 +178,14 @@ def _given() -> set[str]:
     context = click.get_current_context()
     said = click.core.ParameterSource.COMMANDLINE
     return {str(p.name) for p in context.command.params if context.get_parameter_source(str(p.name)) == said}
+
+
+def _left(files: list[Path]) -> tuple[list[Path], list[str]]:
+    """What is still to be filled in of a robot's file, a line each; no more files."""
+    from mpvi_bt.apps.authoring.checking import problems_in
+
+    problems = [problem for problem in problems_in(str(files[0])) if problem.severity != "note"]
+    return [], [f"to be filled in: {problem}" for problem in problems]
 
 
 def _portrait(files: list[Path]) -> tuple[list[Path], list[str]]:
