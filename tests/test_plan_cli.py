@@ -75,7 +75,7 @@ def test_a_task_can_be_planned_by_a_model(scripted_chat_server: ChatServer, caps
     system, *examples, question = [message["content"] for message in request["messages"]]
     assert system == system_text(SKILLS, ground(TASK.house, TASK))
     assert question == user_text(TASK.instruction)
-    assert len(examples) == 6
+    assert len(examples) == 4  # two examples, each a question and an answer
     assert GOOD not in examples
 
 

@@ -16,6 +16,7 @@ from mpvi_bt.executive.plan.answer_form import answer_text
 from mpvi_bt.executive.plan.language_planner import LanguagePlanner
 from mpvi_bt.executive.plan.planners import NoPlan, Planned, RecordedPlanner
 from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
 from mpvi_bt.executive.tree.compile import compile_plan
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.house.instances.tasks import load_task
@@ -78,7 +79,8 @@ def read(task: str, said: Said) -> tuple[str | None, str]:
     """
     model = ScriptedChatModel(lambda messages: said.text)
     try:
-        planned = LanguagePlanner(model, skills(), place(task)).ask(task, "Do the work.")
+        rehearse = Rehearsal(skills()).problems
+        planned = LanguagePlanner(model, skills(), place(task), rehearse=rehearse).ask(task, "Do the work.")
     except NoPlan as error:
         return str(error), "the plan that it is was refused" if said.sure else ""
     wrong = _misread(planned, said)

@@ -14,7 +14,7 @@ import yaml
 
 from mpvi_bt.apps.authoring.skeletons import Skeleton, checked_name
 from mpvi_bt.ground import paths
-from mpvi_bt.ground.geometry.linear_algebra import norm
+from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.base_reading import base_link
 from mpvi_bt.ground.robot.kinematic_chain import BaseFrame, placed
@@ -151,10 +151,10 @@ class _Guess:
                 half = np.array(shape.size) / 2 if shape.kind == "box" else np.array([shape.size[0]] * 3)
                 if shape.kind == "cylinder":
                     half[2] = shape.size[1] / 2
-                turned = T @ placed(shape.xyz, shape.rpy)
+                turned = matmul(T, placed(shape.xyz, shape.rpy))
                 if shape.kind == "box":
                     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
-                    corners = turned[:3, :3] @ (signs * half[:, None]) + turned[:3, 3:]
+                    corners = matmul(turned[:3, :3], signs * half[:, None]) + turned[:3, 3:]
                     reach.append(float(norm(corners[:2].T, axis=1).max()))
                 else:
                     reach.append(float(norm(turned[:2, 3])) + float(half[0]))
