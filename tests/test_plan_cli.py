@@ -15,7 +15,7 @@ from mpvi_bt.apps.cli.score import score
 from mpvi_bt.executive.language.chat import Answer
 from mpvi_bt.executive.plan.answer_form import answer_schema, answer_text
 from mpvi_bt.executive.plan.finetuning import chats
-from mpvi_bt.executive.plan.language_planner import checked, read_answer
+from mpvi_bt.executive.plan.language_planner import REPAIRS, checked, read_answer
 from mpvi_bt.executive.plan.plan_check import plan_problems
 from mpvi_bt.executive.plan.planners import Planned, RecordedPlanner
 from mpvi_bt.executive.plan.prompt import system_text, user_text
@@ -302,12 +302,12 @@ def test_a_real_server_with_a_random_model_gives_the_clear_failure(
 def test_an_episode_has_its_plan_beside_its_result(
     scripted_chat_server: ChatServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is asked once, before the simulator loads; the result says what that took."""
+    """The model is asked before the simulator loads, again while its plan misses the goal; the result says what that took."""
     scripted_chat_server.answers([answer_text(TRASH.model_copy(update={"segments": TRASH.segments[:1]}))])
     choices = ["--planner", f"openai:m@{scripted_chat_server.url}", "--detector", "oracle", "--checker", "oracle"]
     assert run(["run", "picking_up_trash", *choices, "--no-watch", "--no-trace", "--out", "out", "--json"]) == 1
     result = json.loads(capsys.readouterr().out)
     assert result["ended"] == "success"
-    assert result["planning"]["answers"] == 1 == len(scripted_chat_server.requests)
+    assert result["planning"]["answers"] == 1 + REPAIRS == len(scripted_chat_server.requests)
     assert result["planning"]["tokens_in"] > 0
     assert len(load_plan("out/picking_up_trash_0_0.plan.json").segments) == 1
