@@ -302,7 +302,7 @@ def test_a_real_server_with_a_random_model_gives_the_clear_failure(
 def test_an_episode_has_its_plan_beside_its_result(
     scripted_chat_server: ChatServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The model is asked before the simulator loads, again while its plan misses the goal; the result says what that took."""
+    """The model is asked before the simulator loads, again while its plan misses the goal; the result counts that."""
     scripted_chat_server.answers([answer_text(TRASH.model_copy(update={"segments": TRASH.segments[:1]}))])
     choices = ["--planner", f"openai:m@{scripted_chat_server.url}", "--detector", "oracle", "--checker", "oracle"]
     assert run(["run", "picking_up_trash", *choices, "--no-watch", "--no-trace", "--out", "out", "--json"]) == 1
