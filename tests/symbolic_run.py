@@ -258,21 +258,30 @@ class SymbolicRun(SymbolicState):
     def _wait(self, object: str = "", target: str = "", container: str = "") -> None:
         """What is on a stove or in an oven that is on is cooked then, what is in a closed fridge is frozen.
 
-        What lies on what burns burns, too.
+        What lies on what burns burns, too. What is made in the meantime is made in heat.
         """
         self.burning |= {thing for thing, (_, below) in self.at.items() if below in self.burning}
         for thing in self.at:
+            self.cooked |= {thing} if self._in_heat(thing) else set()
             below = self.at[thing][1]
             while below:
-                synset = self.problem.objects.get(below)
-                if synset in HEATS and below in self.on and below not in self.open:
-                    self.cooked.add(thing)
-                if synset in COOLS and below not in self.open:
+                if self.problem.objects.get(below) in COOLS and below not in self.open:
                     self.frozen.add(thing)
                 below = self.at.get(below, ("", ""))[1]
         asked = criteria.parse(self.criterion)
         if asked is not None and self.gone & set(criteria.named(asked.subject, self.called)):
+            where = criteria.named(asked.object, self.called) if asked.object else []
+            if where and not any(map(self._in_heat, where)):
+                raise CannotBe(f"no {asked.object!r} is heated")
             self._bring_about(self.said, asked)
+
+    def _in_heat(self, thing: str) -> bool:
+        """Whether it is, or is on or in, what heats: on, and not open."""
+        while thing:
+            if self.problem.objects.get(thing) in HEATS and thing in self.on and thing not in self.open:
+                return True
+            thing = self.at.get(thing, ("", ""))[1]
+        return False
 
     def _bring_about(self, description: str, criterion: criteria.Criterion | None) -> None:
         """What no skill does: cutting takes a tool and ends what is cut; then the criterion is so."""

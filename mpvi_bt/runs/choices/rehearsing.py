@@ -35,16 +35,18 @@ def make_rehearsal(skills: Mapping[str, Skill], task: Task | None = None, hands:
         UserError: Its problem or house is not there.
         FileProblems: Everything that is wrong with them.
     """
-    if task is None:
-        return Rehearsal(skills, KnownStart(hands=hands))
+    return Rehearsal(skills, KnownStart(hands=hands) if task is None else task_start(task, hands))
+
+
+def task_start(task: Task, hands: tuple[str, ...] = SIDES) -> KnownStart:
+    """What is known of a task's start, for a robot with these hands. Raises as `make_rehearsal`."""
     from mpvi_bt.house.goals.problem import load_problem
     from mpvi_bt.house.layout.house import load_house
     from mpvi_bt.house.things.catalogue import load_catalogue
 
     catalogue = load_catalogue()
     bound = {synset: catalogue.entries[name] for synset, name in task.bindings.items()}
-    start = known_start(load_problem(task.problem), load_house(task.house), catalogue, bound, hands)
-    return Rehearsal(skills, start)
+    return known_start(load_problem(task.problem), load_house(task.house), catalogue, bound, hands)
 
 
 def known_start(
