@@ -35,10 +35,13 @@ def put_in_hands(world: SimWorld, held: Mapping[Side, str]) -> None:
     """Have the hands hold things, upright, before the chest.
 
     Raises:
-        BackendError: A thing does not fit into its hand, or falls out of it.
+        BackendError: A thing does not fit into its hand, or falls out of it, or the robot is one of a file.
     """
     if not held:
         return
+    robot = world.robot.model
+    if not isinstance(robot, RobotModel):
+        raise BackendError(f"{robot.name} has no grasps of ours: only r1 and r1pro can hold things at the start")
     felt = world.robot.proprioception()
     T_world_base = kin.base(felt.base_pose)
     arms = {s: felt.arm[s] for s in SIDES}
@@ -46,11 +49,11 @@ def put_in_hands(world: SimWorld, held: Mapping[Side, str]) -> None:
     poses: dict[Side, Array] = {}
     around = TrueScene(world).obstacles(T_world_base[:2, 3], _NEAR_M, set(held.values())).seen_from(T_world_base)
     for side, name in held.items():
-        poses[side], arms[side], loads[side] = _posture(world, T_world_base, side, name, arms, loads, around)
+        poses[side], arms[side], loads[side] = _posture(world, robot, T_world_base, side, name, arms, loads, around)
     world.robot.stand(arms)
     action = world.robot.action
     for side in held:
-        action[world.robot.model.layout.gripper[side]] = -1.0
+        action[robot.layout.gripper[side]] = -1.0
     for fixed in (True, False):
         for side, name in held.items():
             world.place(name, poses[side], fixed=fixed)
@@ -89,6 +92,7 @@ def fill(world: SimWorld, filled: Mapping[str, Sequence[str]]) -> None:
 
 def _posture(
     world: SimWorld,
+    robot: RobotModel,
     T_world_base: Array,
     side: Side,
     name: str,
@@ -97,7 +101,6 @@ def _posture(
     around: Obstacles,
 ) -> tuple[Array, Array, Load]:
     """T_world_thing (4, 4), the arm's posture (7,) and what the hand will hold, in its tcp frame."""
-    robot = world.robot.model
     for x, y, z, yaw in _PLACES:
         T = matmul(T_world_base, pose((x, y * SIGN[side], z), yaw))
         world.place(name, T)
