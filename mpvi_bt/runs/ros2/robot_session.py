@@ -58,6 +58,7 @@ class RobotSession:
 
     def told(self) -> dict[str, Any]:
         """How the bridge went, for a result."""
+        self.watchdog.heed()
         times = self.line.times
         halted = self.gate.halted
         return {

@@ -38,6 +38,7 @@ class Watchdog:
         self._watchdog_s, self._lockstep = watchdog_s, lockstep
         self._over = threading.Event()
         self._pipe = os.pipe()
+        self._reading = threading.Lock()
         self._before: dict[int, Any] = {}
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self.stalls = 0
@@ -45,7 +46,8 @@ class Watchdog:
     def __enter__(self) -> Watchdog:
         """Begin."""
         if threading.current_thread() is threading.main_thread():
-            os.set_blocking(self._pipe[1], False)
+            for end in self._pipe:
+                os.set_blocking(end, False)
             self._before = {number: signal.signal(number, self._ask) for number in _SIGNALS}
             self._wakeup = signal.set_wakeup_fd(self._pipe[1], warn_on_full_buffer=False)
         self._thread.start()
@@ -62,6 +64,13 @@ class Watchdog:
                 signal.signal(number, before)
         for end in self._pipe:
             os.close(end)
+
+    def heed(self) -> None:
+        """Halt the robot if a signal has come; the watchdog's own thread may not have had its turn yet."""
+        with self._reading:
+            if select.select([self._pipe[0]], [], [], 0.0)[0]:
+                number = os.read(self._pipe[0], 64)[-1]
+                self._gate.halt(STOPPED, f"the process was stopped by {signal.Signals(number).name}")
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         if self._stop.requested:
@@ -80,8 +89,7 @@ class Watchdog:
             began = time.monotonic()
             signaled, _, _ = select.select([self._pipe[0]], [], [], _EVERY_S)
             if signaled:
-                number = os.read(self._pipe[0], 64)[-1]
-                self._gate.halt(STOPPED, f"the process was stopped by {signal.Signals(number).name}")
+                self.heed()
             starved = starved + 1 if time.monotonic() - began > _STARVED_S else 0
             if 0 < starved <= _STARVED_ROUNDS:
                 continue  # the thread that listens was kept from its work as this one was: what is old may be read next
