@@ -21,7 +21,7 @@ from mpvi_bt.executive.tree.yaml_io import dump_tree, parse_tree
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.words.phrases import Vocabulary, normalize
-from mpvi_bt.house.goals.formula import All, Formula, Literal, Not, Some, holds, literals
+from mpvi_bt.house.goals.formula import Literal, holds, literals, without
 from mpvi_bt.house.goals.problem import AGENT, BddlProblem, Fact, load_problem
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.house.layout.house import load_house
@@ -175,19 +175,6 @@ def test_criteria_of_skills_are_those_that_checkers_read(task: str) -> None:
         assert criterion is not None, segment.completion_criterion
         assert criteria.named(criterion.subject, called(task)), segment.completion_criterion
         assert not criterion.object or criteria.named(criterion.object, called(task)), segment.completion_criterion
-
-
-def without(formula: Formula, predicates: set[str]) -> Formula | None:
-    """A formula without the literals of some predicates; None if nothing is left."""
-    match formula:
-        case Literal(predicate):
-            return None if predicate in predicates else formula
-        case Not(child):
-            return Not(inner) if (inner := without(child, predicates)) is not None else None
-        case All(children) | Some(children):
-            parts = [part for child in children if (part := without(child, predicates)) is not None]
-            return type(formula)(tuple(parts)) if parts else None
-    return None if any(literal.predicate in predicates for literal in literals(formula)) else formula
 
 
 def unmet(task: str, plan: Plan, backward: bool = False) -> list[str]:

@@ -20,11 +20,11 @@ from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 @click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state.")
 @click.option(
     "--robot",
-    type=Name("robots"),
+    type=Name("robots", file=True),
     default=DEFAULT_ROBOT,
     show_default=True,
     metavar="NAME",
-    help="Robot in the house: one with a model.",
+    help="Robot in the house, or its file.",
 )
 @click.option("--bridge", type=File("bridges"), default="house", show_default=True, help="Bridge file to answer to.")
 @click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand, as BEHAVIOR does.")
