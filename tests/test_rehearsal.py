@@ -119,6 +119,24 @@ def test_out_of_reach_is_told() -> None:
     assert "go there first" in message(Rehearsal(SKILLS, KITCHEN), *deeds)
 
 
+def test_what_is_on_a_bed_is_not_taken_from_beside_it() -> None:
+    """Only the bed is next to the sandal. What is in a box under the bed is under the bed, too."""
+    bedroom = KnownStart(
+        called={thing: (thing,) for thing in ("bed", "book", "sandal", "box", "toy")},
+        rooms={"bed": "bedroom"},
+        facts=(
+            ("ontop", ("book", "bed")),
+            ("nextto", ("sandal", "bed")),
+            ("under", ("box", "bed")),
+            ("inside", ("toy", "box")),
+        ),
+        room="bedroom",
+    )
+    rehearsal = Rehearsal(SKILLS, bedroom)
+    assert found(rehearsal, "go to the bed", "pick up the book from the sandal") == impossible(1)
+    assert found(rehearsal, "go to the bed", "pick up the sandal from the bed", "pick up the toy from the bed") == []
+
+
 def test_what_changes_nothing_is_pointless() -> None:
     """Opening what is open can be done and is not needed."""
     deeds = (*FETCH[:2], "open the fridge", *BOTH[2:])

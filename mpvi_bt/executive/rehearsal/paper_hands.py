@@ -111,11 +111,13 @@ class PaperHands(PaperWorld):
         self.used.append(thing)
 
     def _of(self, thing: str, source: str) -> bool:
-        """Whether it is on or in something, or under or beside it, through others perhaps."""
+        """Whether it is beside something, or on, in or under it; it may lie in a box that is under a bed."""
         if source in self.guessed or any({thing, source} == {a, b} for _, a, b in self.pairs):
             return True
         support = self.at.get(thing, ("", ""))[1]
-        return bool(support) and (support == source or self._of(support, source))
+        while support not in ("", source) and ("under", support, source) not in self.pairs:
+            support = self.at.get(support, ("", ""))[1]
+        return bool(support)
 
     def _leave(self, thing: str) -> None:
         """It is not where it was; what is on it goes with it, and the robot stays where it is."""
