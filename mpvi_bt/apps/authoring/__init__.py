@@ -1,1 +1,1 @@
-"""Files of a user: what is wrong with them, and new ones to begin with."""
+"""Files of a user: what is wrong with them, new ones to begin with, and what a robot is like."""

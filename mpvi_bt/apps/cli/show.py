@@ -1,7 +1,8 @@
-"""`mpvi show`: pictures of things of the catalogue, and of houses."""
+"""`mpvi show`: pictures of things of the catalogue, of houses, and of robots with what their files say."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,20 +28,32 @@ _JPEG_QUALITY = 85
 @click.argument("name", required=False, metavar="NAME")
 @click.option("--out", type=_FILE, metavar="FILE", help="File to write, png or jpg.  [default: NAME.png]")
 @click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
-def show(name: str | None, out: Path | None, page: Path | None) -> None:
-    """Draw one thing NAME of the catalogue, or the family NAME with its doors ajar; or a task.
+@click.option("--json", "as_json", is_flag=True, help="For programs: a robot as one JSON object.")
+def show(name: str | None, out: Path | None, page: Path | None, as_json: bool) -> None:
+    """Draw one thing NAME of the catalogue, or the family NAME with its doors ajar; a task; or a robot.
 
-    Of a task its house is drawn from above, as instance 0 begins.
+    Of a task its house is drawn from above, as instance 0 begins. NAME of a robot is a name of robots/ or a file: its
+    base, joints, cameras and actions are printed, and it is drawn from its side and from above, with footprint, views
+    of cameras and reach of arms. With --json a robot is drawn only if --out is given.
 
     With --page a picture of every family goes into a folder beside the page, which is named after it.
     """
     from mpvi_bt.ground import paths
+    from mpvi_bt.ground.robot.robots import FOLDER
     from mpvi_bt.house.things.catalogue import load_catalogue
     from mpvi_bt.house.things.families import FAMILIES
 
-    catalogue = load_catalogue()
     if (name is None) == (page is None):
-        raise click.UsageError("Name a thing of the catalogue or a task, or give --page.")
+        raise click.UsageError("Name a thing of the catalogue, a task or a robot, or give --page.")
+    if out is not None and out.suffix not in (".png", ".jpg"):
+        raise UserError(f"{out}: pictures are written as .png or .jpg.")
+    robots = paths.names(FOLDER)
+    if name is not None and (name in robots or Path(name).suffix in paths.SUFFIXES):
+        _robot(name, out, as_json)
+        return
+    if as_json:
+        raise click.UsageError("--json is for robots.")
+    catalogue = load_catalogue()
     if page is not None:
         if out is not None:
             raise click.UsageError("--out is for one picture; --page puts its pictures into a folder beside it.")
@@ -55,10 +68,9 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
     assert name is not None
     entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
     if entry is None and name not in (tasks := paths.names("tasks")):
-        raise UnknownName("catalogue entry, family or task", name, {*catalogue.entries, *FAMILIES, *tasks})
+        known = {*catalogue.entries, *FAMILIES, *tasks, *robots}
+        raise UnknownName("catalogue entry, family, task or robot", name, known)
     out = out or Path(f"{name}.png")
-    if out.suffix not in (".png", ".jpg"):
-        raise UserError(f"{out}: pictures are written as .png or .jpg.")
     if entry is None:
         _keep(_house(name), out)
     else:
@@ -71,6 +83,27 @@ def draw(entry: CatalogueEntry, path: Path, size: tuple[int, int] = _LARGE) -> N
     from mpvi_bt.house.sim.portrait import portrait
 
     _keep(portrait(entry, size), path)
+
+
+def _robot(name: str, out: Path | None, as_json: bool) -> None:
+    """Print what there is to say of a robot, and draw it."""
+    from mpvi_bt.apps.authoring.robot_picture import robot_picture
+    from mpvi_bt.apps.authoring.robot_sheet import robot_sheet
+    from mpvi_bt.apps.authoring.sheet_text import sheet_text
+    from mpvi_bt.ground import paths
+    from mpvi_bt.ground.robot.robot_reading import read_robot
+    from mpvi_bt.ground.robot.robots import FOLDER
+
+    file = paths.find_or_file(FOLDER, name)
+    robot = read_robot(file)
+    sheet = robot_sheet(robot, file)
+    tell(json.dumps(sheet, indent=2) if as_json else sheet_text(sheet))
+    if out is None and not as_json:
+        out = Path(f"{robot.name}.png")
+    if out is not None:
+        _keep(robot_picture(robot), out)
+    if out is not None and not as_json:
+        tell(f"\nwrote {out}")
 
 
 def _house(name: str) -> NDArray[np.uint8]:

@@ -35,3 +35,9 @@ class Camera:
         f = self.height / 2 / math.tan(self.fov_rad / 2)
         fx, fy, cx, cy = self.intrinsics or (f, f, self.width / 2, self.height / 2)
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def angles_rad(self) -> tuple[float, float]:
+        """How wide and how high it sees."""
+        K = self.K
+        return 2 * math.atan(self.width / 2 / K[0, 0]), 2 * math.atan(self.height / 2 / K[1, 1])
