@@ -141,7 +141,7 @@ def test_bad_usage_is_told_in_one_line(args: list[str], capsys: pytest.CaptureFi
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("option", ["--out", "--video", "--picture", "--rerun", "--mcap"])
+@pytest.mark.parametrize("option", ["--out", "--video", "--picture", "--rerun", "--mcap", "--profile"])
 def test_what_cannot_be_written_is_refused_before_the_run(
     option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -63,6 +63,7 @@ def examine() -> list[Check]:
         _extra("detector", "transformers", "grounding-dino"),
         _extra("recording", "rerun-sdk", "rerun"),
         _extra("mcap", "mcap-ros2-support", "mcap"),
+        _extra("profile", "pyinstrument", "profile"),
         _guarded("ros2", False, install("ros2"), _ros2),
         _extra("language", "openai", "openai"),
         _key("OPENAI_API_KEY"),

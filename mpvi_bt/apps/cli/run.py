@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
 _COMPILING = "compiling loops for this machine, once: some 20 s"
-_FILES = ("video", "picture", "rerun", "mcap", "times")
+_FILES = ("video", "picture", "rerun", "mcap", "times", "profile")
 _OF_THIS_RUN = (*_FILES, *ASKING)  # of an episode that goes on, what may be said anew
 
 
@@ -91,6 +91,10 @@ def run(
         from mpvi_bt.runs.recording.rerun_log import require_sdk
 
         require_sdk()
+    if given["profile"]:
+        from mpvi_bt.runs.recording.profile import require_profiler
+
+        require_profiler()
     if given["mcap"]:
         from mpvi_bt.runs.recording.mcap_log import require_mcap
 

@@ -35,6 +35,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         *((("hands", felt),) if (felt := _felt(result)) else ()),
         *((("checks", asked),) if (asked := _asked(result)) else ()),
         ("wall", _wall(result["wall"])),
+        *(("", row) for row in _by_doing(result["wall"])),
         *(
             [("grasps", "assisted: fixed to the hand, not held by friction")]
             if result.get("config", {}).get("assisted")
@@ -155,3 +156,13 @@ def _wall(wall: Mapping[str, Any]) -> str:
     shares = sorted(((seconds / total, name) for name, seconds in parts.items()), reverse=True)
     head = f"{total:.1f} s" + (f", and {paused:.1f} s paused" if paused else "")
     return f"{head}: " + ", ".join(f"{name} {share:.0%}" for share, name in shares if share >= 0.01)
+
+
+def _by_doing(wall: Mapping[str, Any]) -> Iterator[str]:
+    """Wall time by what the robot did, the longest first, and of that by activity; of a profiled episode."""
+    rows = sorted(wall.get("doing", {}).items(), key=lambda row: -sum(row[1].values()))
+    for name, activities in rows:
+        largest = sorted((item for item in activities.items() if item[1] >= 0.05), key=lambda one: -one[1])
+        parts = ": " + ", ".join(f"{activity} {seconds:.1f}" for activity, seconds in largest)
+        if largest:
+            yield f"{name} {sum(activities.values()):.1f} s{parts * (len(largest) > 1)}"

@@ -242,6 +242,7 @@ class OutputSettings:
     times: Path | None = setting(
         None, "Write the answer times of policy, checker and planner, for --latency PART=@FILE.", "FILE"
     )
+    profile: Path | None = setting(None, "Write where the wall time went, as a flame graph for speedscope.", "FILE")
     trace: Path | None = None
     saved: Path | None = None
     planned: Path | None = None

@@ -58,3 +58,4 @@ class EpisodeKeywords(SuiteKeywords, total=False):
     demonstration: File | None
     demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30]
     times: File | None
+    profile: File | None

@@ -47,6 +47,7 @@ from mpvi_bt.runs.episode.saved_episode import Keeper, SavedEpisode
 from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
 from mpvi_bt.runs.recording.mcap_log import McapLog
 from mpvi_bt.runs.recording.path_picture import PathPicture
+from mpvi_bt.runs.recording.profile import Profile
 from mpvi_bt.runs.recording.recorder import Recorder
 from mpvi_bt.runs.recording.rerun_log import RerunLog
 from mpvi_bt.runs.recording.video import Video
@@ -80,6 +81,7 @@ def run(
         NodeError: A behavior raised.
     """
     began = time.perf_counter()
+    profiles = [] if config.profile is None else [Profile(config.profile)]
     prepared = prepared or prepare_episode(config)
     task = prepared.task
     assert task is not None
@@ -115,6 +117,7 @@ def run(
         *demonstration,
         *_recorders(config, prior_map(house), world, navigator, saved),
         *subscribers,
+        *profiles,
     ]
 
     def score() -> GoalReport:
@@ -163,6 +166,7 @@ def run(
             "total_s": total,
             "setup_s": ready - began,
             "loop": dict(outcome.wall_s),
+            **({"doing": profiles[0].seconds} if profiles else {}),
             "planning_s": getattr(policy, "planning_s", 0.0),
             "answers": [{"mean_s": h.wall_mean_s, "most_s": h.wall_most_s} for h in outcome.log.diagnosis],
         },
