@@ -134,7 +134,7 @@ def sample(tasks: Sequence[str], longest: int, count: int, seed: int) -> list[st
     """
     plans = {plan.task_name: plan for plan in RecordedPlanner().all()}
     of = {name: load_task(name) for name in tasks}
-    short = [name for name, task in of.items() if len(plans[task.plan].segments) <= longest]
+    short = [name for name, task in of.items() if task.plan in plans and len(plans[task.plan].segments) <= longest]
     drawn = random.Random(seed).sample(short, min(count, len(short)))
     shown = {
         name: tuple(
@@ -166,15 +166,15 @@ def main(arguments: Sequence[str]) -> None:
 def asked(task: Task, model: Noted, shown: bool, rehearse: bool) -> Row:
     """Ask for the plan of one task."""
     model.answers, model.failed_s = [], 0.0
+    name = task.plan or task.problem
     skills, place = load_skills(), ground(task.house, task)
     rehearsal = make_rehearsal(skills, task)
     recorded = RecordedPlanner().all() if shown else []
     told = rehearsal.problems if rehearse else None
     plan, doubts, end = None, [], "plan"
     try:
-        planned = LanguagePlanner(model, skills, place, recorded, _own(task), rehearse=told).ask(
-            task.plan, task.instruction
-        )
+        planner = LanguagePlanner(model, skills, place, recorded, _own(task), rehearse=told)
+        planned = planner.ask(name, task.instruction)
         plan, doubts = planned.plan, [p for p in planned.doubts if p.code not in PAPER]
     except ModelError as error:
         end = error.reason
@@ -182,18 +182,18 @@ def asked(task: Task, model: Noted, shown: bool, rehearse: bool) -> Row:
     found: list[Problem] = []
     if model.answers:
         data, problems = read_answer(model.answers[0].text)
-        begun, problems = (None, problems) if problems else checked(data, task.plan, task.instruction, skills, place)
+        begun, problems = (None, problems) if problems else checked(data, name, task.instruction, skills, place)
         first, found = levels(begun, problems, rehearsal)
     last, found = levels(plan, doubts, rehearsal) if plan is not None else ((), found)
     tokens_in, tokens_out = (sum(getattr(a, key) for a in model.answers) for key in ("tokens_in", "tokens_out"))
     seconds = round(model.failed_s + sum(answer.latency_s for answer in model.answers), 1)
     codes = tuple(dict.fromkeys(problem.code for problem in found))
-    return Row(task.plan, first, last, codes, end, len(model.answers), seconds, tokens_in, tokens_out)
+    return Row(name, first, last, codes, end, len(model.answers), seconds, tokens_in, tokens_out)
 
 
 def _own(task: Task) -> set[str]:
     """Names of plans that would tell the answer."""
-    return {task.plan, task.problem, *plans_of(task.problem)}
+    return {task.plan or "", task.problem, *plans_of(task.problem)}
 
 
 def _summary(rows: Sequence[Row]) -> str:

@@ -123,7 +123,7 @@ def test_a_bad_name_is_refused_with_a_good_one(name: str, said: str, root: Path)
 
 def test_nothing_is_written_over(root: Path) -> None:
     """Nor is half of a task written where another part of it is there."""
-    there = root / "tasks" / "plans" / "tidy.yaml"
+    there = root / "tasks" / "problems" / "tidy.bddl"
     there.parent.mkdir(parents=True)
     skeleton = new_task("tidy")
     there.write_text("mine")

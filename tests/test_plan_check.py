@@ -54,7 +54,7 @@ def test_recorded_plans_have_nothing_wrong(path: Path) -> None:
 def test_the_plans_of_tasks_name_only_what_is_there(name: str) -> None:
     """With the things of its task known, too, there is nothing to mend in its plan."""
     task = load_task(name)
-    plan = load_plan(paths.find("tasks/plans", task.plan))
+    plan = load_plan(paths.find("tasks/plans", task.plan or name))
     assert plan_problems(plan, SKILLS, ground(task.house, task)) == []
 
 

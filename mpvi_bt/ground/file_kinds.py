@@ -89,6 +89,7 @@ KINDS = (
         "tasks",
         "mpvi run FILE",
         "mpvi_bt.house.instances.tasks:check_task",
+        "mpvi_bt.runs.symbolic.symbolic_planner:lint_task",
     ),
     FileKind(
         "a catalogue",

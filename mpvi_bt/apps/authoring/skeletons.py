@@ -248,13 +248,12 @@ def new_house(name: str) -> Skeleton:
 
 
 def new_task(name: str) -> Skeleton:
-    """A task with its goal and its plan: a can from a table into a bin."""
+    """A task with its goal: a can from a table into a bin."""
     taken: dict[str, Any] = {**activities(), **_files("tasks/plans"), **_files("tasks")}
     checked_name("task", name, taken)
     files = {
         f"tasks/{name}.yaml": _TASK,
         f"tasks/problems/{name}.bddl": _PROBLEM,
-        f"tasks/plans/{name}.yaml": _PLAN,
     }
     return Skeleton(
         {place: text.format(name=name) for place, text in files.items()},
@@ -358,7 +357,6 @@ house: family_house
 bindings:  # BEHAVIOR's name of each movable thing to an entry of the catalogue
   can__of__soda.n.01: can_of_soda
   ashcan.n.01: trash_can
-plan: {name}  # tasks/plans/
 instances: 10  # start states, drawn from what the problem's :init says
 time_budget_s: 300
 """
@@ -381,27 +379,4 @@ _PROBLEM = """\
     (ontop agent.n.01_1 floor.n.01_1))
   (:goal
     (and (inside can__of__soda.n.01_1 ashcan.n.01_1))))
-"""
-
-_PLAN = """\
-# How plans are made: docs/plans.md. A criterion is a state of the world, not an action.
-task_name: {name}
-instruction: Put the can of soda that stands on the coffee table into the trash can.
-segments:
-  - type: navigation
-    description: go to the can of soda
-    completion_criterion: the robot is at the can of soda
-    target: can of soda
-    room: living room
-  - type: manipulation
-    description: pick up the can of soda with the right hand
-    completion_criterion: the can of soda is held in a gripper
-  - type: navigation
-    description: go to the trash can
-    completion_criterion: the robot is at the trash can
-    target: trash can
-    room: living room
-  - type: manipulation
-    description: put the can of soda in the trash can
-    completion_criterion: the can of soda is in the trash can
 """

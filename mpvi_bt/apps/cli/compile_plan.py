@@ -23,15 +23,20 @@ if TYPE_CHECKING:
 @click.option("--out", type=click.Path(dir_okay=False), help="Write here instead of to the terminal.")
 @click.option("--json", "as_json", is_flag=True, help='For programs: one JSON object with the text under "yaml".')
 def compile_(plan: str, on_failure: str, drive: Drive, out: str | None, as_json: bool) -> None:
-    """Write the tree of a plan, as YAML. PLAN is a file, or the name of a recorded plan."""
+    """Write the tree of a plan, as YAML. PLAN is a file, or the name of a recorded plan or of a task."""
     from mpvi_bt.executive.plan.planners import RecordedPlanner
     from mpvi_bt.executive.plan.schema import load_plan
     from mpvi_bt.executive.plan.skills import load_skills
     from mpvi_bt.executive.tree.compile import compile_plan
     from mpvi_bt.executive.tree.yaml_io import dump_tree
+    from mpvi_bt.runs.choices.planning import plan_of
 
-    is_file = plan.endswith(paths.SUFFIXES) or "/" in plan
-    loaded = load_plan(plan) if is_file else RecordedPlanner().plan(plan)
+    if plan.endswith(paths.SUFFIXES) or "/" in plan:
+        loaded = load_plan(plan)
+    elif plan not in paths.names("tasks/plans") and plan in paths.names("tasks"):
+        loaded = plan_of(plan)
+    else:
+        loaded = RecordedPlanner().plan(plan)
     text = dump_tree(compile_plan(loaded, load_skills(), on_failure, drive))
     if out is not None:
         write_whole(out, text)

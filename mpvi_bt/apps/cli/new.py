@@ -140,7 +140,7 @@ def house(name: str, root: Path | None, as_json: bool) -> None:
 @new.command()
 @_named
 def task(name: str, root: Path | None, as_json: bool) -> None:
-    """A task with its goal and its plan."""
+    """A task with its goal."""
     from mpvi_bt.apps.authoring.skeletons import new_task
 
     _write(new_task(name), root, as_json)

@@ -68,7 +68,7 @@ def plan(
     maker = make_planner(config, task, Models(config), house, lambda line: click.echo(f"mpvi: {line}", err=True))
     for doubt in language_doubts([config]):
         click.echo(f"mpvi: {doubt}", err=True)
-    planned = maker.ask(task.plan, task.instruction) if task else maker.ask("", given)
+    planned = maker.ask(task.plan or config.task_name, task.instruction) if task else maker.ask("", given)
     if not planned.answers:  # a model was told all of it
         planned = replace(planned, doubts=tuple(plan_findings(planned.plan, task=task)))
     text = planned.plan.to_json()
@@ -116,7 +116,7 @@ def _export(tasks: Sequence[str], file: Path, as_json: bool) -> None:
     places = {house: ground(house) for house in {task.house for task in known.values()}}
     grounds = {task.plan: places[task.house] for task in known.values()}
     planner = RecordedPlanner()
-    plans = [planner.plan(task.plan) for task in known.values()] if tasks else planner.all()
+    plans = [planner.plan(task.plan or name) for name, task in known.items()] if tasks else planner.all()
     lines = list(chats([(plan, grounds.get(plan.task_name)) for plan in plans], load_skills()))
     write_whole(file, "".join(f"{line}\n" for line in lines))
     if as_json:

@@ -94,12 +94,12 @@ class Tools:
         )
 
     def plan(self, task: TaskName) -> TaskPlan:
-        """The shipped plan of a task, and the tree compiled from it."""
+        """The plan of a task, on file or else made by its goal, and the tree compiled from it."""
         from mpvi_bt.apps import api
         from mpvi_bt.executive.tree.writer import dump_tree
-        from mpvi_bt.house.instances.tasks import load_task
+        from mpvi_bt.runs.choices.planning import plan_of
 
-        plan = api.load_plan(load_task(_known(task)).plan)
+        plan = plan_of(_known(task))
         return TaskPlan(task=task, plan=plan.to_json(), tree=dump_tree(api.compile_plan(plan)))
 
     def check(
@@ -143,11 +143,11 @@ class Tools:
         """Draw a tree, or that of a task's plan. {-} is a sequence, {o} a selector, /_/ a parallel, -^- a decorator."""
         from mpvi_bt.apps import api
         from mpvi_bt.executive.drawing.text import ascii_tree
-        from mpvi_bt.house.instances.tasks import load_task
+        from mpvi_bt.runs.choices.planning import plan_of
 
         _one_of(tree=tree, task=task)
         _of_a_tree(tree, parameters)
-        spec = _spec(str(tree), parameters) if task is None else api.compile_plan(load_task(_known(task)).plan)
+        spec = _spec(str(tree), parameters) if task is None else api.compile_plan(plan_of(_known(task)))
         takes = {
             name: f"{p.type}, {f'{p.default} by default' if p.default is not None else 'has to be given'}"
             for name, p in spec.parameters.items()

@@ -37,7 +37,7 @@ class Task(Record):
         problem: Activity of the `bddl` distribution whose goal scores it.
         house: Where it is (tasks/houses/).
         bindings: Synset of every movable object to its catalogue entry.
-        plan: Recorded plan (tasks/plans/).
+        plan: Recorded plan (tasks/plans/); None: one is made by the goal, with the symbolic planner.
         tree: The plan's compiled tree (trees/), for people to read and change; None: it is compiled where it is wanted.
         instances: How many start states there are: 0 to instances - 1.
         time_budget_s: Simulated time after which the episode ends; None: twice the mean human time.
@@ -48,7 +48,7 @@ class Task(Record):
     problem: str
     house: Name
     bindings: dict[str, Name]
-    plan: Name
+    plan: Name | None = None
     tree: Name | None = None
     instances: Annotated[int, Field(ge=1, le=1000)] = 10
     time_budget_s: Annotated[float, Field(gt=0.0, le=86_400.0, allow_inf_nan=False)] | None = None

@@ -52,14 +52,14 @@ NOBODY = "none"  # plans: the policy is told the whole instruction
 
 BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     "planner": {
-        "recorded": Backend("the plan on file for the task"),
+        "recorded": Backend("the plan on file for the task; symbolic plans a task that has none"),
         "openai": Backend("a language model behind an OpenAI-compatible endpoint", address="MODEL[@URL]"),
         "local": Backend(
             "a language model on this machine, without key or download: SmolLM2 of 135M, which plans badly, or a file",
             address="FILE.gguf",
             optional=True,
         ),
-        "symbolic": Backend("a classical planner, from the task's goal: no model, no plan on file"),
+        "symbolic": Backend("a classical planner, from the task's goal and facts: no model, no plan on file"),
         NOBODY: Backend("no plan: the policy gets the whole instruction and the whole time"),
     },
     "map": {

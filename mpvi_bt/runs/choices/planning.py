@@ -50,13 +50,16 @@ def make_planner(
     if config.planner == NOBODY:
         raise UserError(f"planner {NOBODY} makes no plan: choose recorded, or a model such as openai:MODEL or local.")
     choice = choose("planner", config.planner)
-    if choice.name == "recorded":
+    name = planner_of(config, task)
+    if name == "recorded":
         return RecordedPlanner()
-    if choice.name == "symbolic":
+    if name == "symbolic":
         if task is None:
             raise UserError("the symbolic planner plans by a goal: name a task, or choose a model.")
         from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner
 
+        if choice.name != name:
+            tell("the task has no plan on file: the symbolic planner makes one by its goal")
         return SymbolicPlanner(task, tell=tell)
     place = house or (task.house if task else None)
     skills = load_skills()
@@ -66,7 +69,7 @@ def make_planner(
         return made
     from mpvi_bt.house.instances.tasks import plans_of
 
-    own = {task.plan, task.problem, config.task_name, *plans_of(task.problem)} if task else set()
+    own = {task.plan or "", task.problem, config.task_name, *plans_of(task.problem)} if task else set()
     return LanguagePlanner(
         models.make(config.planner, tell),
         skills,
@@ -77,6 +80,29 @@ def make_planner(
         tell,
         make_rehearsal(skills, task, sides_of(config.robot)).problems,
     )
+
+
+def planner_of(config: EpisodeConfig, task: Task | None) -> str:
+    """The name of a run's planner; "symbolic" where a plan on file is wanted, and the task has none."""
+    name = choose("planner", config.planner).name
+    no_plan = task is not None and task.plan is None and config.plan is None
+    return "symbolic" if name == "recorded" and no_plan else name
+
+
+def plan_of(name: str) -> Plan:
+    """A task's plan on file, or else the one that the symbolic planner makes by its goal.
+
+    Args:
+        name: Of the task, or its file.
+
+    Raises:
+        UserError: There is no such task, or the symbolic planner is not installed.
+        FileProblems: Everything that is wrong with a file.
+        NoPlan: The planner finds none.
+    """
+    task, config = task_named(name), EpisodeConfig(name)
+    planner = make_planner(config, task, Models(config))
+    return planner.ask(task.plan or config.task_name, task.instruction).plan
 
 
 def plan_findings(

@@ -32,7 +32,7 @@ from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.runs.choices.lateness import latency_of
 from mpvi_bt.runs.choices.named_task import rooms_of, task_named
-from mpvi_bt.runs.choices.planning import ground, make_planner
+from mpvi_bt.runs.choices.planning import ground, make_planner, planner_of
 from mpvi_bt.runs.choices.policies import check_policy_choice, rate_doubt
 from mpvi_bt.runs.choices.simulators import check_simulator_choice
 from mpvi_bt.runs.episode.capability_checks import check_hands
@@ -116,7 +116,7 @@ def prepare(
     elif task is not None and config.planner == NOBODY:
         spec = compile_instruction(config.task_name, task.instruction)
     elif task is not None:
-        planned = make_planner(config, task, models, tell=tell).ask(task.plan, task.instruction)
+        planned = make_planner(config, task, models, tell=tell).ask(task.plan or config.task_name, task.instruction)
         if planned.answers and config.planned is not None:
             config.planned.parent.mkdir(parents=True, exist_ok=True)
             write_whole(config.planned, planned.plan.to_json())
@@ -273,20 +273,23 @@ def prepare_episode(
 
 
 def check_episode(config: EpisodeConfig) -> Prepared | None:
-    """Refuse as `prepare_episode`, as far as possible before a language model is asked for a plan.
+    """Refuse as `prepare_episode`, as far as possible before a planner is asked for a plan.
 
     Returns:
-        What it makes; None where a language model is to be asked first.
+        What it makes; None where a planner is to be asked first.
 
     Raises:
         UserError: Something in `config` does not exist or is wrong.
         ModelError: The model cannot be asked.
     """
-    asks_a_model = choose("planner", config.planner).name not in ("recorded", NOBODY)
-    if config.tree is None and config.plan is None and asks_a_model:
-        check_backends(config)
-        _check_start(config)
-        return None
+    if config.tree is None and config.plan is None:
+        task = task_named(config.task)
+        if (name := planner_of(config, task)) not in ("recorded", NOBODY):
+            check_backends(config)
+            _check_start(config)
+            if name == "symbolic":
+                make_planner(config, task, Models(config))
+            return None
     return prepare_episode(config)
 
 
@@ -309,13 +312,13 @@ def _replanner(
     """The planner for new plans; None if the tree never replans or has no plan to start from."""
     if not any(_wants_a_plan(placed) for placed in spec.nodes):
         return None
-    if choose("planner", config.planner).name not in ("recorded", NOBODY):
+    if planner_of(config, task) not in ("recorded", NOBODY):
         return make_planner(config, task, models)
     sides = sides_of(config.robot)
     if config.plan is not None:
         plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, sides)
         return LaterPlanner(plan, skills, sides)
-    if task is None or config.tree is not None:
+    if task is None or task.plan is None or config.tree is not None:
         return None
     return LaterPlanner(RecordedPlanner().plan(task.plan), skills, sides)
 
@@ -327,7 +330,7 @@ def _check_replanning(ready: Prepared) -> None:
         where = f" ({node.spec.place})" if node.spec.place else ""
         raise UserError(
             f"{node.path!r}{where} wants a new plan where it fails, and a tree of a file has no plan behind it: "
-            "choose a planner that makes one, such as --planner openai:MODEL."
+            "choose a planner that makes one, such as --planner symbolic."
         )
 
 

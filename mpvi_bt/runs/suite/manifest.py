@@ -188,7 +188,8 @@ def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
     yield paths.find_or_file("tasks", config.task)
     yield activities()[task.problem]
     yield paths.find("tasks/houses", task.house)
-    yield paths.find_or_file("tasks/plans", config.plan or task.plan)
+    if plan := config.plan or task.plan:
+        yield paths.find_or_file("tasks/plans", plan)
     if tree := config.tree or task.tree:
         yield paths.find_or_file("trees", tree)
     for name in ("unit", "calibration", "substitute", "policy_settings"):

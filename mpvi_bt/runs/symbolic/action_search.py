@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import warnings
 from collections.abc import Callable, Collection, Sequence
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.extras import install
 from mpvi_bt.runs.symbolic.grounded_actions import GroundedAction
 from mpvi_bt.runs.symbolic.told_facts import Atom
 
@@ -18,6 +20,15 @@ _SEARCHES = (
     "let(h,eval_modify_costs(ff(),cost_type=one),lazy_greedy([h],preferred=[h],cost_type=one))",
 )
 _NO_INVARIANTS = ["--invariant-generation-max-time", "0"]  # they take seconds, and the search does without
+
+
+NEEDED = ("unified_planning", "up_fast_downward")
+
+
+def require_installed() -> None:
+    """Raise UserError if the libraries are not installed."""
+    if any(importlib.util.find_spec(name) is None for name in NEEDED):
+        raise UserError(f"the symbolic planner, which plans tasks without a plan on file, needs {install('symbolic')}")
 
 
 def find_actions(
@@ -41,12 +52,10 @@ def find_actions(
     Raises:
         UserError: The extra is not installed.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import unified_planning.shortcuts as up
-    except ImportError:
-        raise UserError("the symbolic planner needs pip install -e '.[symbolic]'") from None
+    require_installed()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import unified_planning.shortcuts as up
     up.get_environment().credits_stream = None
     problem = up.Problem("task")
     used = sorted({*start, *goal, *never, *(a for act in actions for a in (*act.needs, *act.forbids, *act.adds))})

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from mpvi_bt.executive.plan.history import History
 from mpvi_bt.executive.plan.planners import NoPlan, Planned
 from mpvi_bt.executive.plan.schema import Plan
-from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.errors import Problem, UserError
+from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.house.goals.formula import Literal
-from mpvi_bt.house.instances.tasks import Task
-from mpvi_bt.runs.symbolic.action_search import find_actions
+from mpvi_bt.house.instances.tasks import Task, check_task
+from mpvi_bt.runs.symbolic.action_search import find_actions, require_installed
 from mpvi_bt.runs.symbolic.goal_choice import IMPOSSIBLE, choose_literals
 from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, Actions
 from mpvi_bt.runs.symbolic.plan_sentences import Sentences
@@ -33,7 +36,12 @@ class SymbolicPlanner:
     name = "symbolic"
 
     def __init__(self, task: Task, limit_s: float = LIMIT_S, tell: Callable[[str], None] = lambda line: None) -> None:
-        """`limit_s` bounds each search [s of wall time]; `tell` is told in a line when one took too long."""
+        """`limit_s` bounds each search [s of wall time]; `tell` is told in a line when one took too long.
+
+        Raises:
+            UserError: The extra is not installed.
+        """
+        require_installed()
         self._task, self._limit_s, self._tell = task, limit_s, tell
 
     def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
@@ -56,6 +64,20 @@ class SymbolicPlanner:
         if not segments:
             raise NoPlan("nothing_left", "the goal is met at the start", ())
         return Planned(Plan(task_name=task_name, instruction=instruction or self._task.instruction, segments=segments))
+
+
+def lint_task(data: Any, marks: SourceMarks) -> list[Problem]:
+    """What there is to say of a task that has no plan on file: that none is found, or could be."""
+    task = check_task(data, marks)
+    if task.plan is not None:
+        return []
+    try:
+        SymbolicPlanner(task).ask(Path(marks.file).stem)
+    except NoPlan as error:
+        return [marks.problem(("problem",), "no-plan", f"no plan is on file, and {error}", severity="warning")]
+    except UserError as error:
+        return [marks.problem((), "no-plan", str(error), severity="note")]
+    return []
 
 
 def ends(told: ToldFacts, wanted: dict[Literal, bool]) -> tuple[frozenset[Atom], frozenset[Atom]]:
