@@ -26,10 +26,11 @@ from mpvi_bt.executive.tree.yaml_io import load_tree
 from mpvi_bt.ground.errors import FileProblems, UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.paths import find
+from mpvi_bt.ground.robot.action_rows import state_of
 from mpvi_bt.runs.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
 from mpvi_bt.runs.datasets.lerobot import DatasetForm, write_dataset
 from mpvi_bt.runs.datasets.normalization import QUANTILES
-from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder, state
+from mpvi_bt.runs.recording.demonstration_recorder import DemonstrationRecorder
 from tests.demonstrating import Moving, held, recorded, told
 from tests.layouts import ACTION_SIZE, CAMERAS, LAYOUT
 
@@ -46,7 +47,7 @@ def test_a_row_has_what_was_felt_at_its_beginning_and_what_was_told_until_the_ne
 def test_the_state_has_the_order_of_the_action() -> None:
     """Where an action commands a joint, the state tells that joint; a gripper's opening stands at its command."""
     felt = Moving().proprioception()
-    values = state(felt)
+    values = state_of(felt)
     assert (values[LAYOUT.arm["right"]] == felt.arm["right"]).all()
     assert values[LAYOUT.gripper["left"]] == felt.gripper_width["left"]
     assert (values[LAYOUT.torso] == felt.torso).all()

@@ -36,7 +36,11 @@ ONLY_IN = {
     "mani_skill": {"house/maniskill"},
     "gymnasium": {"house/maniskill"},
     "py_trees": {"executive/behaviors", "executive/tree", "executive/ticking", "runs/recording"},
-    "torch": {"house/maniskill", "finding/perception/grounding_dino.py", "hands/learned/training.py"},
+    "torch": {
+        *("house/maniskill", "finding/perception/grounding_dino.py", "hands/learned/training.py"),
+        "executive/remote/lerobot_policy.py",
+    },
+    "lerobot": {"executive/remote/lerobot_policy.py"},
     "transformers": {"finding/perception/grounding_dino.py"},
     "rerun": {"runs/recording/rerun_log.py"},
     "mcap_ros2": {"runs/recording/mcap_log.py"},
@@ -87,6 +91,7 @@ HEAVY = (
         "rclpy",
         "vla_eval",
         "xllamacpp",
+        "lerobot",
     ),
 )
 

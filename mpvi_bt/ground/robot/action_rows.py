@@ -193,6 +193,18 @@ def command_of(body: Proprioception) -> Array:
     return action
 
 
+def state_of(felt: Proprioception) -> Array:
+    """(A,) what is felt, in the action's order and units; a gripper's entry is its opening [m]."""
+    layout = layout_of(felt)
+    values = np.zeros(layout.size)
+    layout.set_velocity(values, felt.base_velocity)
+    values[layout.torso] = felt.torso
+    for side in felt.sides:
+        values[layout.arm[side]] = felt.arm[side]
+        values[layout.gripper[side]] = felt.gripper_width[side]
+    return values
+
+
 def standing(body: Proprioception) -> Array:
     """(A,) the command that has the robot stand as it is. An arm that presses against something goes on pressing.
 

@@ -121,6 +121,12 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             sees=True,
             factory="mpvi_bt.runs.choices.policies:vla_eval",
         ),
+        "lerobot": Backend(
+            "a checkpoint of LeRobot's, in this process",
+            address="FOLDER",
+            sees=True,
+            factory="mpvi_bt.runs.choices.policies:lerobot",
+        ),
     },
     "checker": {
         "visual": Backend(

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mpvi_bt.finding.scene.free_space import Standing
     from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
 
-_REMOTE = (":openpi", ":vla_eval")  # factories of policies whose rate others say
+_REMOTE = (":openpi", ":vla_eval", ":lerobot")  # factories of policies whose rate others say
 
 
 @dataclass(frozen=True)
@@ -173,6 +173,14 @@ def rate_doubt(config: EpisodeConfig) -> str:
         if any(getattr(made, name, None) is not None for name in ("rate_hz", "dataset")):
             return ""
         told = "unless it tells its `rate_hz`"
+    elif one.name == "lerobot":
+        from mpvi_bt.executive.remote.dialect_settings import load_settings
+        from mpvi_bt.executive.remote.lerobot_checkpoint import read_checkpoint
+
+        said = None if config.policy_settings is None else load_settings(config.policy_settings).rate_hz
+        if said is not None or read_checkpoint(Path(one.address)).fps is not None:
+            return ""
+        told = "since the dataset of its training, which tells its rate, is not there"
     else:
         from mpvi_bt.executive.remote.dialect_settings import load_settings
 
@@ -293,14 +301,18 @@ def learned(ground: PolicyInputs, address: str) -> Policy:
 def _with_backup(
     first: Choice, second: Choice, only: Sequence[str] | None, ground: PolicyInputs, settings: str | None
 ) -> Policy:
-    """Two policies, the first of some skills `only`; the settings are of the second one."""
+    """Two policies, the first of some skills `only`; the settings are of the first one if it alone can have some."""
     from mpvi_bt.executive.actions.backup import WithBackup
 
     if first == second:
         raise UserError(f"policy {first.given}+{second.given}: a policy cannot stand behind itself.")
     prompted = replace(ground, demonstrations=None)
+    told = first.backend.factory.endswith(_REMOTE) and not second.backend.factory.endswith(_REMOTE)
     made = WithBackup(
-        make_policy(first.given, prompted), make_policy(second.given, prompted, settings), ground.skills, only
+        make_policy(first.given, prompted, settings if told else None),
+        make_policy(second.given, prompted, None if told else settings),
+        ground.skills,
+        only,
     )
     return _demonstrated(made, ground)
 
@@ -326,6 +338,15 @@ def vla_eval(ground: PolicyInputs, address: str, settings: str | None) -> Policy
 
     called = settings or DEFAULT
     return VlaEvalPolicy(address, settings_for(called, ground.task, ground.robot), ground.vocabulary, called)
+
+
+def lerobot(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
+    """A checkpoint of LeRobot's; the address is its folder."""
+    from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
+    from mpvi_bt.executive.remote.lerobot_policy import LerobotPolicy
+
+    told = DialectSettings() if settings is None else load_settings(settings)
+    return LerobotPolicy(Path(address).expanduser(), told, ground.robot)
 
 
 def settings_for(given: str, task: str | None, robot: str | None) -> DialectSettings:

@@ -22,7 +22,7 @@ from mpvi_bt.ground.errors import BackendError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import Resampler
+from mpvi_bt.ground.robot.action_rows import Resampler, state_of
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import layout_of, robot_named
@@ -33,18 +33,6 @@ from mpvi_bt.ground.writing import unwritable, write_whole
 VERSION = 3
 NUMBERS = ("state", "base_pose", "arm_velocity", "action")  # arrays of a row's numbers
 FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and openpi's own datasets have 10 to 50
-
-
-def state(felt: Proprioception) -> Array:
-    """(A,) what is felt, in the action's order and units; a gripper's entry is its opening [m]."""
-    layout = layout_of(felt)
-    values = np.zeros(layout.size)
-    layout.set_velocity(values, felt.base_velocity)
-    values[layout.torso] = felt.torso
-    for side in felt.sides:
-        values[layout.arm[side]] = felt.arm[side]
-        values[layout.gripper[side]] = felt.gripper_width[side]
-    return values
 
 
 def velocity_sizes(robot: RobotDescription) -> dict[Side, int]:
@@ -60,7 +48,7 @@ def arm_velocities(felt: Proprioception) -> Array:
 
 
 def felt_again(state: Array, base_pose: Array, arm_velocity: Array, robot: str) -> Proprioception:
-    """What was felt, of a recorded row: the inverse of `state`.
+    """What was felt, of a recorded row: the inverse of `state_of`.
 
     Args:
         state: (A,).
@@ -146,7 +134,7 @@ class DemonstrationRecorder(Watcher):
             self._actions = Resampler(layout_of(felt))
             self._cameras = tuple(robot_named(felt.robot).cameras if self._cameras is None else self._cameras)
             self._rows |= {f"T_base_camera/{camera}": [] for camera in self._cameras}
-        self._rows["state"].append(state(felt))
+        self._rows["state"].append(state_of(felt))
         self._rows["base_pose"].append(felt.base_pose)
         self._rows["arm_velocity"].append(arm_velocities(felt))
         self._rows["subtask"].append(at())

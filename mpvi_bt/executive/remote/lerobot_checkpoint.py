@@ -1,0 +1,187 @@
+"""What a checkpoint of LeRobot's says of itself: its JSON files are read, neither lerobot nor torch is loaded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpvi_bt.executive.remote.dataset_rate import dataset_rate
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings
+from mpvi_bt.executive.remote.task_settings import check_robot
+from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
+from mpvi_bt.ground.errors import UserError, shown
+from mpvi_bt.ground.robot.robot_description import RobotDescription
+from mpvi_bt.ground.robot.robots import robot_named
+
+CONFIG, PROCESSOR, TRAINING = "config.json", "policy_preprocessor.json", "train_config.json"
+STATE, POSE, PICTURES = "observation.state", "observation.base_pose", "observation.images."  # of `mpvi dataset`
+_MOST = 1 << 16  # numbers of a feature
+_INSIDE = (".", "pretrained_model", "checkpoints/last/pretrained_model")  # where a folder of lerobot-train has them
+
+
+@dataclass(frozen=True)
+class LerobotCheckpoint:
+    """A policy that LeRobot has saved.
+
+    Attributes:
+        folder: Where its files are.
+        kind: LeRobot's name of its type, such as "act".
+        pictures: Height and width [px] of each picture, by key.
+        numbers: How many numbers it is given, by key.
+        action_size: How many numbers one of its actions has.
+        whole_chunks: Whether it answers a chunk at once. One that remembers observations, or averages its chunks, is
+            asked for each row.
+        rows: How many rows of a chunk are carried out.
+        dataset: Folder of the dataset that it was trained on, if that is still there.
+        fps: Rows a second of that dataset; None: not known.
+        robot: Whose dataset it is; None: not known.
+    """
+
+    folder: Path
+    kind: str
+    pictures: Mapping[str, tuple[int, int]]
+    numbers: Mapping[str, int]
+    action_size: int
+    whole_chunks: bool
+    rows: int
+    dataset: Path | None = None
+    fps: float | None = None
+    robot: str | None = None
+
+
+def read_checkpoint(given: Path) -> LerobotCheckpoint:
+    """The checkpoint in a folder, or in what `lerobot-train` has written there.
+
+    Raises:
+        UserError: There is none, or it cannot be run here.
+    """
+    folder = next((given / name for name in _INSIDE if (given / name / CONFIG).is_file()), None)
+    if folder is None:
+        raise UserError(f"{given}: no checkpoint of LeRobot's is there: a folder with {CONFIG} and model.safetensors")
+    config = _json(folder / CONFIG)
+    kind, inputs, outputs = config.get("type"), config.get("input_features"), config.get("output_features")
+    if not isinstance(kind, str) or not isinstance(inputs, dict) or not isinstance(outputs, dict):
+        said = "no policy of LeRobot's: 'type', 'input_features' and 'output_features' are wanted"
+        raise UserError(f"{folder / CONFIG}: {said}")
+    if not (folder / "model.safetensors").is_file():
+        raise UserError(f"{folder}: its weights, model.safetensors, are missing")
+    if not (folder / PROCESSOR).is_file():
+        said = "it was saved by a LeRobot before 0.4; LeRobot's migrate_policy_normalization makes a new one of it"
+        raise UserError(f"{folder}: {PROCESSOR} is missing: {said}")
+    sizes = {key: _shape(feature, key, folder) for key, feature in inputs.items()}
+    pictures = {key: size[1:] for key, size in sizes.items() if inputs[key]["type"] == "VISUAL"}
+    remembers = config.get("n_obs_steps", 1) != 1 or config.get("temporal_ensemble_coeff") is not None
+    rows = config.get("n_action_steps", config.get("chunk_size", 1))
+    if type(rows) is not int or not 1 <= rows <= MOST_ACTIONS:
+        raise UserError(f"{folder / CONFIG}: n_action_steps: {shown(rows)} is given, 1 to {MOST_ACTIONS} are wanted")
+    dataset, about = _dataset(folder)
+    robot = about.get("robot_type")
+    return LerobotCheckpoint(
+        folder=folder,
+        kind=kind,
+        pictures={key: (height, width) for key, (height, width) in pictures.items()},
+        numbers={key: size[0] for key, size in sizes.items() if key not in pictures},
+        action_size=_shape(outputs.get("action"), "action", folder)[0],
+        whole_chunks=not remembers,
+        rows=rows,
+        dataset=dataset,
+        fps=None if dataset is None else dataset_rate(dataset),
+        robot=robot if isinstance(robot, str) else None,
+    )
+
+
+def _json(file: Path) -> dict[str, Any]:
+    try:
+        told = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise UserError(f"{file}: cannot be read: {error}") from None
+    if not isinstance(told, dict):
+        raise UserError(f"{file}: {shown(told)} is no mapping")
+    return told
+
+
+def _shape(feature: Any, key: str, folder: Path) -> tuple[int, ...]:
+    """(3, height, width) of a picture, (n,) of numbers."""
+    kind, shape = (feature.get("type"), feature.get("shape")) if isinstance(feature, dict) else (None, None)
+    if isinstance(shape, list) and shape and all(type(n) is int and 0 < n <= _MOST for n in shape):
+        if kind == "VISUAL" and len(shape) == 3 and shape[0] == 3:
+            return tuple(shape)
+        if kind != "VISUAL" and len(shape) == 1:
+            return tuple(shape)
+    said = "(3, height, width)" if kind == "VISUAL" else "(n,)"
+    raise UserError(f"{folder / CONFIG}: the feature {key!r} has the shape {shown(shape)}; {said} is wanted")
+
+
+def _dataset(folder: Path) -> tuple[Path | None, dict[str, Any]]:
+    """The dataset that it was trained on and its `info.json`, if both are still where the training found them."""
+    if not (folder / TRAINING).is_file():
+        return None, {}
+    told = _json(folder / TRAINING).get("dataset")
+    root = told.get("root") if isinstance(told, dict) else None
+    if not isinstance(root, str) or not (info := Path(root) / "meta/info.json").is_file():
+        return None, {}
+    return Path(root), _json(info)
+
+
+def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: RobotDescription) -> None:
+    """Raise UserError if a checkpoint is of another robot, or wants or answers what this one does not have.
+
+    Args:
+        checkpoint: As read.
+        settings: What is sent under its features' names; without `observation`, those of `mpvi dataset` are meant.
+        robot: That is to be driven.
+    """
+    called, layout = f"the checkpoint {checkpoint.folder}", settings.observation
+    theirs = settings.robot or checkpoint.robot
+    if theirs is None:
+        raise UserError(
+            f"nobody says of which robot {called} is: its dataset is not where it was trained. If it is of the "
+            f"{robot.name}, write `robot: {robot.name}` in a file of settings (--policy-settings)."
+        )
+    if _named(theirs) != robot.name:
+        raise UserError(f"{called} is of the robot {theirs}, not of the {robot.name}: choose it with --robot.")
+    check_robot(settings.model_copy(update={"robot": robot.name}), robot)
+    if layout is not None and layout.prompts is not None:
+        raise UserError(f"{called} is told each subtask: its settings have no 'prompts', which are of servers.")
+    instead = "say in a file of settings what goes there (--policy-settings, docs/lerobot.md)"
+    sent = _sent(settings, robot)
+    for key, wanted in checkpoint.numbers.items():
+        if key not in sent:
+            known = ", ".join(sent) or "none"
+            raise UserError(f"{called} wants numbers as {key!r}, and of the {robot.name} are sent: {known}; {instead}.")
+        if sent[key] != wanted:
+            raise UserError(f"{called} wants {wanted} numbers as {key!r}; of the {robot.name} they are {sent[key]}.")
+    if layout is None:
+        pictures = {PICTURES + camera: None for camera in robot.cameras}
+    else:
+        pictures = {key: image.size for key, image in layout.images.items() if image.show == "rgb"}
+    for key, size in checkpoint.pictures.items():
+        if key not in pictures:
+            known = ", ".join(pictures) or "none"
+            raise UserError(f"{called} wants pictures as {key!r}, and the {robot.name} has: {known}; {instead}.")
+        if (given := pictures[key]) is not None and tuple(given) != size:
+            raise UserError(f"{called} wants {key!r} of {size}, and the settings scale it to {tuple(given)}.")
+    answered = settings.action.told_size or robot.layout.size
+    if answered != checkpoint.action_size:
+        raise UserError(
+            f"{called} answers actions of {checkpoint.action_size} numbers; of the {robot.name} they are {answered}."
+        )
+
+
+def _sent(settings: DialectSettings, robot: RobotDescription) -> dict[str, int]:
+    """How many numbers are sent by each key."""
+    if (layout := settings.observation) is None:
+        return {STATE: robot.layout.size, POSE: 3}
+    cameras = {layout.camera_poses: 21} if layout.camera_poses else {}
+    return {key: vector.length for key, vector in layout.state.items()} | cameras
+
+
+def _named(robot: str) -> str:
+    """The name of a robot that may be a file; as it is where there is none."""
+    try:
+        return robot_named(robot).name
+    except UserError:
+        return robot
