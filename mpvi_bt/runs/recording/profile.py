@@ -84,8 +84,8 @@ class Profile(Watcher):
 def _doing(tree: Tree) -> str:
     context = tree.context
     if context.log.under_way:
-        said = str(getattr(context.policy, "note", "")).split()
-        return said[0] if said and said[0] in context.skills else MANIPULATE
+        said = str(getattr(context.policy, "note", "")).partition(":")[0]
+        return said if said in context.skills else MANIPULATE
     drives = (node.status is Status.RUNNING for node in tree.touched if isinstance(node, Navigate))
     return DRIVE if any(drives) else OTHER
 
@@ -93,4 +93,5 @@ def _doing(tree: Tree) -> str:
 def _speedscope(session: Session) -> str:
     from pyinstrument.renderers import SpeedscopeRenderer
 
-    return str(SpeedscopeRenderer().render(session))
+    every_call = {"filter_threshold": 0.0}  # else what takes less than a hundredth at once is left out, however often
+    return str(SpeedscopeRenderer(processor_options=every_call).render(session))
