@@ -22,7 +22,8 @@ from mpvi_bt.executive.remote.openpi import OpenpiPolicy
 from mpvi_bt.executive.remote.own_keys import OwnKeys
 from mpvi_bt.ground.errors import BadMessage, FileProblems, PolicyError, UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, composed, of_kind
+from mpvi_bt.ground.robot.action_layout import KINDS, ActionKind
+from mpvi_bt.ground.robot.action_rows import Resampler, as_absolute, composed, of_kind
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
@@ -309,7 +310,7 @@ def test_a_client_of_the_executive_may_have_its_own_rate() -> None:
     body = KinematicRobot().proprioception()
     message = write_observation({"prompt": "", "proprioception": body, "images": {}})
     assert keys.read({**message, "rate_hz": 10.0}, robot_named("r1")).steps == 3
-    (row,) = keys.answer(told, {"rate_hz": 10.0}, robot_named("r1"))["actions"]
+    (row,) = keys.answer(told, {"rate_hz": 10.0}, robot_named("r1"), told[0])["actions"]
     np.testing.assert_allclose(row[JOINTS], told[-1, JOINTS])
     with pytest.raises(BadMessage, match="must divide 30"):
         keys.read({**message, "rate_hz": 20.0}, robot_named("r1"))

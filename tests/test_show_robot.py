@@ -84,6 +84,15 @@ def test_data_of_a_robot_are_those_of_its_description(name: str, mpvi: Shell, tm
     ]
 
 
+def test_the_kind_and_rate_of_its_actions_are_told(mpvi: Shell, tmp_path: Path) -> None:
+    """As its file says them."""
+    shutil.copy(FOUR.with_suffix(".urdf"), tmp_path)
+    (tmp_path / "robot.yaml").write_text(FOUR.read_text() + "actions: { kind: velocity, rate_hz: 10 }\n")
+    done = mpvi("show", "robot.yaml")
+    assert "actions: 6 numbers, 10 times a second: velocities of the base [m/s, rad/s], how\n" in done.stdout
+    assert "  fast joints go [rad/s or m/s], grippers -1 closed to 1 open\n" in done.stdout
+
+
 def test_an_arm_reaches_as_far_as_its_links_are_long() -> None:
     """By the lengths in the URDFs: 5 cm up to the joint that lifts, then 40, 40, 9 and 9.3 cm."""
     assert reach(read_robot(SIX), "right") == pytest.approx(0.05 + 0.40 + 0.40 + 0.09 + 0.093, abs=2e-3)

@@ -12,13 +12,14 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.marked_yaml import load_marked
 from mpvi_bt.ground.robot.described import DescribedRobot
 from mpvi_bt.ground.robot.outermost import joint_places, reach, tcp_heights
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
+from mpvi_bt.ground.robot.protocol import Side
 
 _DOES = ("lifts", "turns", "bends", "tilts the head")  # parts of a posture
 
 
 def robot_sheet(robot: DescribedRobot, file: Path) -> dict[str, Any]:
     """What there is to say of the robot of a file, as data for JSON."""
+    layout = robot.layout
     return {
         "robot": robot.name,
         "about": str(load_marked(file)[0].get("about", "")),
@@ -29,7 +30,7 @@ def robot_sheet(robot: DescribedRobot, file: Path) -> dict[str, Any]:
         "arms": {side: _arm(robot, side) for side in robot.sides},
         "grippers": {side: _gripper(robot, side) for side in robot.sides},
         "cameras": _cameras(robot),
-        "actions": {"rate_hz": CONTROL_HZ, "numbers": list(_numbers(robot))},
+        "actions": {"kind": layout.kind, "rate_hz": layout.rate_hz, "numbers": list(_numbers(robot))},
     }
 
 

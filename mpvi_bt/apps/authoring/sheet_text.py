@@ -11,6 +11,11 @@ from mpvi_bt.executive.drawing.cells import WIDTH
 from mpvi_bt.executive.drawing.text_table import aligned
 
 _TIED = "\u00a0"  # a space at which no line ends
+_JOINTS = {
+    "absolute": "targets of joints [rad or m]",
+    "delta": "how far joints' targets go in each action [rad or m]",
+    "velocity": "how fast joints go [rad/s or m/s]",
+}
 _HEAD = ("", "lowest", "highest", "top speed", "driving")
 
 
@@ -80,7 +85,7 @@ def _camera(name: str, camera: dict[str, Any]) -> list[str]:
     across, high = (math.degrees(angle) for angle in camera["fov_rad"])
     size, depth, tilt = camera["size"], camera["depth_m"], math.degrees(camera["down_rad"])
     sees = f"depth {depth[0]:g} to {depth[1]:g} m" if depth else "no depth"
-    where = f"{abs(tilt):.0f} degrees {'down' if tilt > 0 else 'up'}"
+    where = f"{abs(tilt):.0f} degrees {'down' if tilt > 0 else 'up'}" if abs(tilt) >= 0.5 else "straight ahead"
     return _wrapped(
         f"{name} camera: {size[0]} x {size[1]} px, {across:.0f} x {high:.0f} degrees, {sees}; "
         f"{camera['height_m']:.2f} m high and looking {where} as it drives; on {camera['link']}",
@@ -91,9 +96,10 @@ def _camera(name: str, camera: dict[str, Any]) -> list[str]:
 def _actions(actions: dict[str, Any]) -> list[str]:
     numbers = actions["numbers"]
     listed = ", ".join(f"{i}{_TIED}{number['name']}" for i, number in enumerate(numbers))
-    what = "velocities of the base [m/s, rad/s], positions of joints [rad or m], grippers -1 closed to 1 open"
+    rows = f"{len(numbers)} numbers, {actions['rate_hz']:g} times a second"
+    what = f"velocities of the base [m/s, rad/s], {_JOINTS[actions['kind']]}, grippers -1 closed to 1 open"
     return [
-        *_wrapped(f"actions: {len(numbers)} numbers, {actions['rate_hz']:g} a second: {what}", "  "),
+        *_wrapped(f"actions: {rows}: {what}", "  "),
         *(f"  {line.replace(_TIED, ' ')}" for line in _wrapped(listed, "", WIDTH - 2)),
     ]
 

@@ -11,7 +11,8 @@ from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import NO_SKILL, Policy
-from mpvi_bt.ground.robot.action_rows import ActionKind, standing
+from mpvi_bt.ground.robot.action_layout import ActionKind
+from mpvi_bt.ground.robot.action_rows import standing
 
 
 class WithBackup:

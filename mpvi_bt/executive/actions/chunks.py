@@ -13,8 +13,7 @@ from mpvi_bt.ground.errors import UserError, shown
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.action_layout import ActionLayout
-from mpvi_bt.ground.robot.action_rows import ActionKind
+from mpvi_bt.ground.robot.action_layout import ActionKind, ActionLayout
 from mpvi_bt.ground.robot.robots import layout_of
 
 DECAY = 0.01  # per step of age; the value that ACT was published with

@@ -11,7 +11,8 @@ from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, Resampler, as_absolute, check_rate, command_of, of_kind
+from mpvi_bt.ground.robot.action_layout import KINDS, ActionKind
+from mpvi_bt.ground.robot.action_rows import Resampler, as_absolute, check_rate, command_of, of_kind
 from mpvi_bt.ground.robot.base_ramp import BaseRamp
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.ground.robot.robots import layout_of, robot_named

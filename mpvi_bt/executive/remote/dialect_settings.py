@@ -20,7 +20,8 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, UserError, shown
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
-from mpvi_bt.ground.robot.action_rows import LEAST_HZ, MOST_HZ, ActionKind
+from mpvi_bt.ground.robot.action_layout import ActionKind
+from mpvi_bt.ground.robot.action_rows import LEAST_HZ, MOST_HZ
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robots import robot_named
 

@@ -49,6 +49,7 @@ class DrivenSession:
         self._frames: queue.SimpleQueue[tuple[Given, Promise] | None] = queue.SimpleQueue()
         self._asked: Mapping[str, Any] = {}  # the observation that is open,
         self._broken: BadMessage | None = None  # and why it is none
+        self._sent = np.zeros(robot.layout.size)  # the last command
         self._promise: Promise | None = None
         self._began = 0.0
         self._gone = False
@@ -60,8 +61,9 @@ class DrivenSession:
     def begin(self) -> Any:
         """At once: what the metadata say of it."""
         promise = Promise()
-        size = self._robot.layout.size
-        promise.keep({"protocol": self._dialect.name, "robot": self._robot.name, "action_size": size})
+        layout = self._robot.layout
+        rows = {"action_size": layout.size, "actions": layout.kind, "rate_hz": layout.rate_hz}
+        promise.keep({"protocol": self._dialect.name, "robot": self._robot.name, **rows})
         return promise.future
 
     def answer(self, given: Given) -> Any:
@@ -82,7 +84,8 @@ class DrivenSession:
 
     def exchange(self, actions: Array) -> Reading:
         """Answer the open observation, and wait for the next one. Raises Over, BadMessage."""
-        self._reply(self._dialect.answer(actions, self._asked, self._robot))
+        before, self._sent = self._sent, actions[-1]
+        self._reply(self._dialect.answer(actions, self._asked, self._robot, before))
         self._next()
         return self._read()
 
@@ -105,6 +108,7 @@ class DrivenSession:
             try:
                 first = self._read()
                 world = RemoteWorld(self._robot, first, self)
+                self._sent = world.robot.action
                 said = self._play(first, world)
             except BadMessage as error:
                 if world is None:
@@ -136,7 +140,8 @@ class DrivenSession:
             count = self._read().steps
         except BadMessage:
             count = 1
-        self._reply({**self._dialect.answer(np.tile(action, (count, 1)), self._asked, self._robot), "ended": why})
+        told = self._dialect.answer(np.tile(action, (count, 1)), self._asked, self._robot, self._sent)
+        self._reply({**told, "ended": why})
 
     def _refuse(self, kind: str, why: str) -> None:
         """Answer the open observation by an error, which ends the connection; wait until the client has gone."""

@@ -22,7 +22,8 @@ from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import KINDS, ActionKind, check_rate, command_of
+from mpvi_bt.ground.robot.action_layout import KINDS, ActionKind
+from mpvi_bt.ground.robot.action_rows import check_rate, command_of
 from mpvi_bt.ground.robot.protocol import Proprioception
 
 PORT = 8000

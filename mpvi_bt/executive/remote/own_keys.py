@@ -12,7 +12,7 @@ from mpvi_bt.executive.remote.observation import read_observation, write_observa
 from mpvi_bt.executive.remote.reading import CHUNK, Reading, chunk_of, spoken
 from mpvi_bt.ground.errors import BadMessage, shown
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import Resampler
+from mpvi_bt.ground.robot.action_rows import Resampler, as_absolute, most_of_kind, of_kind
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 
@@ -38,25 +38,46 @@ class OwnKeys:
             command=_command(message[COMMAND], robot.layout.size) if COMMAND in message else None,
             instruction=seen["prompt"],
             vocabulary=question.vocabulary,
-            steps=chunk_of(message) * _ticks(question.rate_hz),
+            steps=chunk_of(message) * _ticks(question.rate_hz or robot.layout.rate_hz),
         )
 
-    def answer(self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
-        """`actions`, (K, A); one for each row of a client that has a rate of its own."""
-        rate_hz = asked.get(RATE, CONTROL_HZ)
+    def answer(
+        self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription, before: Array
+    ) -> dict[str, Any]:
+        """`actions`, (K, A); one for each row of a client that has a rate of its own, in the robot's kind.
+
+        Deltas and velocities begin at the targets that the client tells, so that what it rounds does not add up.
+        """
+        layout = robot.layout
+        rate_hz = asked.get(RATE, layout.rate_hz)
         if rate_hz != CONTROL_HZ:
-            rows = Resampler(robot.layout)
-            actions = rows.resampled(actions, CONTROL_HZ, rate_hz, actions[0], whole=False)
+            actions = Resampler(layout).resampled(actions, CONTROL_HZ, rate_hz, actions[0], whole=False)
+        if layout.kind != "absolute":
+            actions = of_kind(actions, layout.kind, rate_hz, np.asarray(asked.get(COMMAND, before), float), layout)
+            most = most_of_kind(robot, layout.kind, rate_hz)
+            actions[:, layout.joints] = np.clip(actions[:, layout.joints], -most, most)
         return {"actions": actions}
+
+    def told(self, actions: Array, robot: RobotDescription, before: Array) -> Array:
+        """(K, A) the control steps of an answer (H, A), by whoever has the robot; `before`: (A,) its targets.
+
+        Raises:
+            PolicyError: A joint is to go farther or faster than the robot is ever told to.
+        """
+        layout = robot.layout
+        actions = as_absolute(actions, layout.kind, layout.rate_hz, before, robot)
+        if layout.rate_hz == CONTROL_HZ:
+            return actions
+        return Resampler(layout).resampled(actions, layout.rate_hz, CONTROL_HZ, before)
 
     def write(self, observation: Mapping[str, Any], command: Array, vocabulary: Any = None) -> dict[str, Any]:
         """The message of an observation: the inverse of `read`."""
         return {**write_observation(observation, vocabulary=vocabulary), COMMAND: command}
 
 
-def _ticks(rate_hz: float | None) -> int:
+def _ticks(rate_hz: float) -> int:
     """Control steps in a row of a client's. Raises BadMessage."""
-    ticks = 1.0 if rate_hz is None else CONTROL_HZ / rate_hz
+    ticks = CONTROL_HZ / rate_hz
     if not ticks.is_integer():
         raise BadMessage(f"{RATE}: {rate_hz:g} is given; it must divide {CONTROL_HZ}, as 10 or 15 do")
     return int(ticks)

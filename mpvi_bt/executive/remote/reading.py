@@ -59,8 +59,13 @@ class Dialect(Protocol):
         """Read an observation. Raises BadMessage: the mistake, its place, and a correct form."""
         ...
 
-    def answer(self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
-        """The answer (K, A) to an observation; only its number of wanted actions has to be valid."""
+    def answer(
+        self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription, before: Array
+    ) -> dict[str, Any]:
+        """The answer (K, A) to an observation; only its number of wanted actions has to be valid.
+
+        `before`: (A,) the command in force until then.
+        """
         ...
 
 

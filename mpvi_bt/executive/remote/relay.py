@@ -20,7 +20,8 @@ from mpvi_bt.executive.remote.openpi import cameras_of, question
 from mpvi_bt.executive.remote.wire_mapping import actions_of
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import ActionKind, check_rate, command_of
+from mpvi_bt.ground.robot.action_layout import ActionKind
+from mpvi_bt.ground.robot.action_rows import check_rate, command_of
 from mpvi_bt.ground.robot.protocol import Proprioception
 from mpvi_bt.ground.robot.robots import layout_of
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
+
+ActionKind = Literal["absolute", "delta", "velocity"]
+KINDS: tuple[ActionKind, ...] = get_args(ActionKind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +25,8 @@ class ActionLayout:
         torso: Absolute targets of the joints of torso and head [m or rad].
         arm: Joint targets [rad or m] of each arm.
         gripper: -1 closed ... 1 fully open, of each gripper.
+        kind: What joints are in the rows that the robot's own side is sent; in here they are absolute targets.
+        rate_hz: How many of these rows a second; it divides 30.
     """
 
     names: tuple[str, ...]
@@ -28,6 +34,8 @@ class ActionLayout:
     torso: slice
     arm: Mapping[Side, slice]
     gripper: Mapping[Side, int]
+    kind: ActionKind = "absolute"
+    rate_hz: float = CONTROL_HZ
 
     @property
     def size(self) -> int:

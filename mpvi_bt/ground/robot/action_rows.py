@@ -15,21 +15,18 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import Literal, get_args
 
 import numpy as np
 
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_layout import ActionLayout
+from mpvi_bt.ground.robot.action_layout import ActionKind, ActionLayout
 from mpvi_bt.ground.robot.limits import largest_step
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import layout_of
 
-ActionKind = Literal["absolute", "delta", "velocity"]
-KINDS: tuple[ActionKind, ...] = get_args(ActionKind)
 _PRESSING_RAD = 0.4  # our choice: a command farther than this from where the arm is has been given up
 LEAST_HZ, MOST_HZ = 1.0, 1000.0  # Our choice: no policy acts once in more than a second, none is asked for more
 
@@ -155,7 +152,7 @@ def as_absolute(rows: Array, kind: ActionKind, rate_hz: float, before: Array, ro
         return rows
     joints = robot.layout.joints
     by = rows[:, joints]
-    most = largest_step(robot)[joints] * CONTROL_HZ * (1.0 if kind == "velocity" else 1.0 / rate_hz)
+    most = most_of_kind(robot, kind, rate_hz)
     over = np.abs(by) - most * (1 + 1e-9)
     if (over > 0).any():
         row, joint = np.unravel_index(int(over.argmax()), over.shape)
@@ -170,6 +167,11 @@ def as_absolute(rows: Array, kind: ActionKind, rate_hz: float, before: Array, ro
     targets = rows.copy()
     targets[:, joints] = before[joints] + np.cumsum(by * (1.0 / rate_hz if kind == "velocity" else 1.0), axis=0)
     return targets
+
+
+def most_of_kind(robot: RobotDescription, kind: ActionKind, rate_hz: float) -> Array:
+    """(J,) the most that joints may be told to go in a row of deltas [rad or m], or of velocities [rad/s or m/s]."""
+    return largest_step(robot)[robot.layout.joints] * CONTROL_HZ * (1.0 if kind == "velocity" else 1.0 / rate_hz)
 
 
 def of_kind(rows: Array, kind: ActionKind, rate_hz: float, before: Array, layout: ActionLayout) -> Array:

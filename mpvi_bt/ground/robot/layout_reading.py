@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from mpvi_bt.ground.marked_yaml import Location
 from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.joint_group import JointGroup
-from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.ground.robot.robot_file import RobotFile
 from mpvi_bt.ground.robot.robot_findings import RobotFindings
 
@@ -23,8 +23,7 @@ def read_layout(
     for side, arm in arms.items():
         names += [*arm.joints, f"gripper_{side}"]
     at: Location = ("actions", "numbers")
-    if told.actions is not None:
-        given = told.actions.numbers
+    if (given := told.actions.numbers) is not None:
         known = {*names, *_BASE_NUMBERS}
         for i, n in enumerate(given):
             if n in given[:i]:
@@ -35,6 +34,10 @@ def read_layout(
             findings.tell(at, "missing-key", f"no number for {', '.join(left)}")
         findings.stop_if_wrong()
         names = given
+    rate_hz = told.actions.rate_hz
+    if not (CONTROL_HZ / rate_hz).is_integer():
+        message = f"{rate_hz:g} does not divide {CONTROL_HZ}, the control steps a second, as 10 or 15 do"
+        findings.tell(("actions", "rate_hz"), "out-of-range", message)
     span = _span(findings, names, torso.joints, at, "the torso")
     order = tuple(n if n in torso.joints else None for n in names[span])
     if tuple(n for n in order if n is not None) != torso.joints:
@@ -45,6 +48,8 @@ def read_layout(
         torso=span,
         arm={side: _span(findings, names, arm.joints, at, f"the {side} arm") for side, arm in arms.items()},
         gripper={side: names.index(f"gripper_{side}") for side in arms},
+        kind=told.actions.kind,
+        rate_hz=rate_hz,
     )
     for side, arm in arms.items():
         if tuple(names[layout.arm[side]]) != arm.joints:

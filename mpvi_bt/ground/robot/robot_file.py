@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mpvi_bt.ground.marked_yaml import Record
-from mpvi_bt.ground.robot.protocol import EMPTY_M, Side
+from mpvi_bt.ground.robot.action_layout import ActionKind
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, EMPTY_M, Side
 
 _Finite = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
@@ -145,9 +146,17 @@ class ActionsPart(Record):
 
     `base_vx`, `base_vy` and `base_yaw_rate` are velocities of the base frame, `gripper_left` and `gripper_right` go
     from -1 closed to 1 open, joints have their names; what begins with `unused` is 0.
+
+    Attributes:
+        numbers: By default base, torso, then each arm and its gripper, left first.
+        kind: What joints are in the actions that the robot's own side is sent over a socket: targets, how far these go
+            in an action, or how fast they go.
+        rate_hz: How many of these actions a second; it divides 30.
     """
 
-    numbers: list[_Name]
+    numbers: list[_Name] | None = None
+    kind: ActionKind = "absolute"
+    rate_hz: _Positive = CONTROL_HZ
 
 
 class RobotFile(Record):
@@ -162,7 +171,7 @@ class RobotFile(Record):
         torso: Joints of torso and head.
         arms, grippers: By side; the only arm is the "right".
         arm_radius_m: Of elbow, wrist and hand, from above.
-        actions: Layout of actions; by default base, torso, then each arm and its gripper, left first.
+        actions: Layout of actions.
     """
 
     about: str = ""
@@ -174,4 +183,4 @@ class RobotFile(Record):
     arms: dict[Side, GroupPart] = {}
     grippers: dict[Side, GripperPart] = {}
     arm_radius_m: _Positive = 0.05
-    actions: ActionsPart | None = None
+    actions: ActionsPart = ActionsPart()

@@ -76,7 +76,9 @@ class Behavior:
             steps=chunk_of(message),
         )
 
-    def answer(self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
+    def answer(
+        self, actions: Array, asked: Mapping[str, Any], robot: RobotDescription, before: Array
+    ) -> dict[str, Any]:
         """`action`, and `action_chunk` if several are wanted; with a leading 1 if observations have one."""
         theirs = layout.action_for(actions).astype(np.float32)
         if any(isinstance(v, np.ndarray) and v.ndim == 2 for k, v in asked.items() if str(k).endswith("::proprio")):

@@ -11,7 +11,7 @@ from typing import Any
 
 from mpvi_bt.executive.actions.backup import WithBackup
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import ActionKind
+from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
 
 

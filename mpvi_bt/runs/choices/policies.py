@@ -12,7 +12,8 @@ from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.finding.perception.detector import Detector
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.protocols import Policy
-from mpvi_bt.ground.robot.action_rows import ActionKind, check_rate
+from mpvi_bt.ground.robot.action_layout import ActionKind
+from mpvi_bt.ground.robot.action_rows import check_rate
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.runs.choices.backends import Choice, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig

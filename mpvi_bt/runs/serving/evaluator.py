@@ -171,7 +171,8 @@ def _rollout(
         if session.dialect == "behavior-2026" and time.monotonic() - began > most * _WALL_S_A_STEP:
             ended = "wall_limit"
             break
-        for action in server.actions(writer):
+        actions = server.actions(writer)
+        for action in actions:
             listener.acted(instance, action)
             world.robot.act(action)
             world.step()
@@ -179,10 +180,7 @@ def _rollout(
             listener.stepped(instance, world.steps, most)
             if world.steps >= most:
                 break
-        if (
-            world.steps % _JUDGED_EVERY < (session.chunk or 1)
-            and judge(problem, before, snapshot(problem, truth)).satisfied
-        ):
+        if world.steps % _JUDGED_EVERY < len(actions) and judge(problem, before, snapshot(problem, truth)).satisfied:
             ended = "success"
             break
     world.settle()
@@ -231,6 +229,11 @@ class _Writer:
         self._cameras = () if session.on_demand else tuple(world.robot.model.cameras)
         self._images: dict[str, CameraImage] = {}
         self._step = -1
+
+    @property
+    def command(self) -> Array:
+        """(A,) what the robot is told now."""
+        return self._world.robot.action
 
     def write(self, more: Iterable[str] = ()) -> dict[str, Any]:
         """The message of the present step, with pictures of `more` cameras."""
@@ -285,7 +288,7 @@ class _Connection:
             answer = self._ask(writer.write(more))
             if not isinstance(answer, dict):
                 raise PolicyError("bad_reply", f"an answer that is {shown(answer)}, not a mapping")
-            if (actions := self._told(answer)) is not None:
+            if (actions := self._told(answer, writer.command)) is not None:
                 return actions
             more += [camera for camera in answer.get("look", ()) if camera in self._robot.cameras]
         raise PolicyError("bad_reply", f"no action in {_ASKED} answers, the last of which has {', '.join(answer)}")
@@ -305,9 +308,11 @@ class _Connection:
                 self._connection.close()
                 self._connection = self._connect()
 
-    def _told(self, answer: Mapping[str, Any]) -> Array | None:
+    def _told(self, answer: Mapping[str, Any], before: Array) -> Array | None:
         if self._session.dialect == "openpi":
-            return _rows(answer["actions"], self._size) if "actions" in answer else None
+            if "actions" not in answer:
+                return None
+            return OwnKeys().told(_rows(answer["actions"], self._size), self._robot, before)
         if "action" not in answer:
             return None
         first = _rows(np.asarray(answer["action"], np.float32), self._size)[:1]
