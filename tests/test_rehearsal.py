@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 from pydantic import ValidationError
@@ -27,7 +28,7 @@ KITCHEN = KnownStart(
     facts=(("inside", ("b1", "fridge")), ("inside", ("b2", "fridge"))),
     openable=frozenset({"fridge"}),
     room="kitchen",
-    unmet=lambda truth: [f"{b} is on the table" for b in ("b1", "b2") if not truth("ontop", (b, "table"))],
+    unmet=lambda truth, noun: [f"{b} is on the table" for b in ("b1", "b2") if not truth("ontop", (b, "table"))],
 )
 FETCH = (
     "go to the fridge",
@@ -109,7 +110,7 @@ def test_nothing_is_put_down_that_nothing_holds() -> None:
     assert found(UNKNOWN, *deeds) == impossible(1)
     assert "nothing is held" in message(UNKNOWN, *deeds)
     other = (*FETCH[:3], "go to the table", "put the bottle on the table with the right hand")
-    assert "the bottle in the left hand" in message(Rehearsal(SKILLS, KITCHEN), *other)
+    assert "the left hand holds the bottle" in message(Rehearsal(SKILLS, KITCHEN), *other)
 
 
 def test_out_of_reach_is_told() -> None:
@@ -151,6 +152,39 @@ def test_unmet_conditions_of_the_goal_are_told() -> None:
     assert ("b1 is on the table" in told) != ("b2 is on the table" in told)
 
 
+@pytest.mark.parametrize(
+    ("deeds", "reason"),
+    [
+        (["go to the icebox", "pick up the bottle"], "the icebox is closed, and the bottle is in it: open it first"),
+        (["pick up the bottle"], "the refrigerator is closed, and the bottle is in it: open it first"),
+        (["go to the oven", "turn on the oven"], "the oven is open, and it can be turned on only while it is closed: "
+         "close it first"),
+        (["go to the table", "put the bottle on the table"], "nothing is held: pick up 'bottle' first"),
+        (["go to the oven", "put the cup in the oven"], "no hand holds 'cup': the left hand holds the pan"),
+        (["go to the oven", "put the cup in the oven with the right hand"], "the right hand does not hold 'cup': the "
+         "left hand holds the pan"),
+        (["go to the oven", "lift the cup with both hands"], "both hands have to be free, and the left one holds the "
+         "pan"),
+        (["open the oven"], "no 'oven' is in reach, and the robot is in the kitchen: go there first"),
+        (["go to the table", "open the oven"], "no 'oven' is in reach, and the robot is at the table: go there first"),
+        (["go to the table", "open the table"], "no 'table' has a door or a lid"),
+    ],
+)  # fmt: skip
+def test_reasons_are_in_the_words_of_the_plan(deeds: Sequence[str], reason: str) -> None:
+    """A thing is called what the plan called it last; before that, what its entry calls it first."""
+    start = KnownStart(
+        called={"b": ("bottle",), "f": ("refrigerator", "icebox"), "o": ("oven",), "t": ("table",), "cup": ("cup",)},
+        rooms={"f": "kitchen", "o": "kitchen", "t": "hall"},
+        facts=(("inside", ("b", "f")), ("open", ("o",))),
+        openable=frozenset({"f", "o"}),
+        closed_only=frozenset({"o"}),
+        room="kitchen",
+    )
+    if "holds the pan" in reason:
+        start = replace(start, called={**start.called, "pan": ("pan",)}, held=("pan",))
+    assert message(Rehearsal(SKILLS, start), *deeds).endswith(f" cannot be done: {reason}")
+
+
 def test_a_criterion_that_fails_right_after_its_segment_is_impossible() -> None:
     """The place is that of the criterion."""
     plan = plan_of(*BOTH)
@@ -186,7 +220,7 @@ def test_whichever_of_like_things_is_meant(first: str) -> None:
         called=KITCHEN.called,
         rooms=KITCHEN.rooms,
         facts=(("ontop", ("b1", "table")), ("ontop", ("b2", "table"))),
-        unmet=lambda truth: [] if truth("nextto", (first, "lamp")) else ["it is beside the lamp"],
+        unmet=lambda truth, noun: [] if truth("nextto", (first, "lamp")) else ["it is beside the lamp"],
     )
     assert found(Rehearsal(SKILLS, one), "go to the table", "pick up a bottle", "go to the lamp",
                  "put the bottle next to the lamp") == []  # fmt: skip

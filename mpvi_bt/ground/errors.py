@@ -278,11 +278,11 @@ def with_article(words: str) -> str:
     return f"{'an' if plain[:1] in tuple('aeiou') and not plain.startswith(_LIKE_YOU) else 'a'} {words}"
 
 
-def shown(value: Any) -> str:
-    """A value as a message quotes it: on one line, and no longer than 60 characters."""
+def shown(value: Any, longest: int = 60) -> str:
+    """A value as a message quotes it: on one line, and no longer than so many characters."""
     if isinstance(value, dict | list):
         return "a mapping" if isinstance(value, dict) else "a list"
     if value is None or isinstance(value, bool):
         return "nothing" if value is None else str(value).lower()
-    text = repr(value[:60] if isinstance(value, str) else value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    text = repr(value[:longest] if isinstance(value, str) else value)
+    return text if len(text) <= longest else text[: longest - 3] + "..."

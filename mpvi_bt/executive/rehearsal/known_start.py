@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 Truth = Callable[[str, tuple[str, ...]], bool]  # predicate and things
+Noun = Callable[[str], str]  # what a thing is called, without an article
 
 
-def _no_conditions(truth: Truth) -> list[str]:
+def _no_conditions(truth: Truth, noun: Noun) -> list[str]:
     return []
 
 
@@ -29,7 +30,7 @@ class KnownStart:
         washes: What cleans what is in it.
         later: What does not exist yet, such as dice.
         room: The room of the robot; "" if nobody knows.
-        unmet: Given the truth of facts at the end, the conditions of the goal that do not hold, in words.
+        unmet: Given the truth of facts at the end and the nouns of things, what of the goal does not hold, in words.
         hands: The hands of the robot.
         held: What it holds, in hands that nobody knows.
         partial: Whether there may be more than this: other things, in the hands too.
@@ -47,7 +48,7 @@ class KnownStart:
     washes: frozenset[str] = frozenset()
     later: frozenset[str] = frozenset()
     room: str = ""
-    unmet: Callable[[Truth], list[str]] = _no_conditions
+    unmet: Callable[[Truth, Noun], list[str]] = _no_conditions
     hands: tuple[str, ...] = ("left", "right")
     held: tuple[str, ...] = ()
     partial: bool = False

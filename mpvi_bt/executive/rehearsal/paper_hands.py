@@ -55,10 +55,11 @@ class PaperHands(PaperWorld):
         for slots, closed in ((needs.open, True), (needs.closed, False)):
             for thing in (meant[slot] for slot in slots if slot in meant):
                 if thing in self.openable and (thing not in self.open) == closed:
-                    raise CannotBe(f"{self.name(thing)} is {'closed' if closed else 'open'}")
+                    state, deed = ("closed", "open") if closed else ("open", "close")
+                    raise CannotBe(f"{self.name(thing)} is {state}: {deed} it first")
         for thing in (meant[slot] for slot in needs.on if slot in meant):
             if thing not in self.on and thing not in self.guessed:
-                raise CannotBe(f"{self.name(thing)} is off")
+                raise CannotBe(f"{self.name(thing)} is off: turn it on first")
 
     # Hands
 
@@ -68,9 +69,12 @@ class PaperHands(PaperWorld):
         if (free and number < 2) or len(free) == len(self.held):
             return free[-1]
         full = [s for s in self.held if self.held[s] is not None and (number > 1 or hand in (None, s))]
-        held = " and ".join(f"the {s} one holds {self.name(self.held[s] or '')}" for s in full)
-        wanted = "both hands have to be free" if number > 1 else f"the {hand} hand has to be free" if hand else ""
-        raise CannotBe(f"{wanted or 'a hand has to be free'}, and {held}")
+        one = "it holds" if hand and number < 2 else "the {} one holds"
+        held = " and ".join(f"{one.format(s)} {self.name(self.held[s] or '')}" for s in full)
+        if len(full) > len({self.held[s] for s in full}):
+            held = f"both hold {self.name(self.held[full[0]] or '')}"
+        wanted = "both hands have" if number > 1 else f"the {hand} hand has" if hand else "a hand has"
+        raise CannotBe(f"{wanted} to be free, and {held}")
 
     def _in_hand(self, phrase: str, hand: str | None) -> str:
         """What a phrase means of what is held."""
@@ -88,10 +92,9 @@ class PaperHands(PaperWorld):
                 self.doubted -= {*doubted}
             return thing
         if not held:
-            raise CannotBe(f"nothing is held, neither {phrase!r} nor anything else; pick it up first")
-        hands = ", ".join(f"{self.name(thing)} in the {side} hand" for side, thing in held.items())
-        wanted = f"no {phrase!r} is held" + (f" in the {hand} hand" if hand else "")
-        raise CannotBe(f"{wanted}; held: {hands}")
+            raise CannotBe(f"nothing is held: pick up {phrase!r} first")
+        hands = " and ".join(f"the {side} hand holds {self.name(thing)}" for side, thing in held.items())
+        raise CannotBe(f"{f'the {hand} hand does not hold' if hand else 'no hand holds'} {phrase!r}: {hands}")
 
     def _take(self, phrase: str, source: str | None, hand: str | None, hands: int) -> None:
         if hands < 2 and _SEVERAL.match(phrase):
@@ -104,7 +107,7 @@ class PaperHands(PaperWorld):
             known = sources and not self.somewhere(thing)
             return loose and self.shut_in(thing) is None and (not known or any(self._of(thing, s) for s in sources))
 
-        thing = self.one(phrase, there, "free to take" + (f" from {source!r}" if source else ""), old=False)
+        thing = self.one(phrase, there, "can be taken" + (f" from {source!r}" if source else ""), old=False)
         self._leave(thing)
         self.held |= dict.fromkeys(sides, thing)
         self.doubted -= {*sides}
@@ -147,7 +150,7 @@ class PaperHands(PaperWorld):
             there = not boards or self.somewhere(thing) or any(self._of(thing, b) for b in boards)
             return thing in near and thing != than and doors and there and self.shut_in(thing) is None
 
-        what = "a thing to open" if door else f"on the {board}" if board else "in reach"
+        what = "has a door or a lid" if door else f"is on the {board}" if board else "is in reach"
         thing = self.one(phrase, fits, what, than=than)
         self.used.append(thing)
         return thing
@@ -161,7 +164,7 @@ class PaperHands(PaperWorld):
             support = None
             surface = words.get("surface")
             if surface is not None:
-                support = self.one(surface, lambda t: t in near and t != thing, "in reach", than=thing)
+                support = self.one(surface, lambda t: t in near and t != thing, "is in reach", than=thing)
             elif effects.nextto and other is not None and other not in self.held.values():
                 relation, support = self.at.get(other, ("", None))
                 support = support if relation in ("inside", "ontop") else None
@@ -182,7 +185,9 @@ class PaperHands(PaperWorld):
             self.pairs.add(("under", thing, other))
             reading = read(words[effects.under[1]])
             if reading is not None and (beside := _BESIDE.fullmatch(reading.place)):
-                self.pairs.add(("nextto", thing, self.one(beside[1], lambda t: t in near and t != thing, "in reach")))
+                self.pairs.add(
+                    ("nextto", thing, self.one(beside[1], lambda t: t in near and t != thing, "is in reach"))
+                )
         if effects.attached:
             self.attached.add((thing, support))
         self.moved[thing] += 1
@@ -233,7 +238,9 @@ class PaperHands(PaperWorld):
 
     def _switch(self, thing: str, on: bool) -> str | None:
         if on and thing in self.start.closed_only and thing in self.open:
-            raise CannotBe(f"{self.name(thing)} is open, and it can be turned on only while it is closed")
+            raise CannotBe(
+                f"{self.name(thing)} is open, and it can be turned on only while it is closed: close it first"
+            )
         known = thing not in self.guessed
         if known and (thing in self.on) == on:
             return f"{self.name(thing)} is {'on' if on else 'off'} already"
@@ -269,11 +276,20 @@ class PaperHands(PaperWorld):
         if criterion is not None and self.gone & set(criteria.named(criterion.subject, self.called)):
             where = criteria.named(criterion.object, self.called) if criterion.object else []
             if where and not any(map(self._heated, where)) and not self.guessed & set(where):
-                raise CannotBe(f"nothing that is on heats {self.name(where[0])}")
+                raise CannotBe(self._cold(where[0]))
             self.bring_about(criterion)
         known = phrase and self.known.named(phrase)
         same = before == [self.cooked, self.frozen, self.burning, self.gone]
-        return "nothing changes in the meantime: nothing is heated, cooled or on fire" if same and known else None
+        return "nothing is heated, cooled or on fire in the meantime" if same and known else None
+
+    def _cold(self, thing: str) -> str:
+        """Why nothing heats a thing."""
+        place = thing
+        while place and place not in self.start.heats:
+            place = self.at.get(place, ("", ""))[1]
+        if not place:
+            return f"nothing heats {self.name(thing)}: it is not on or in what does"
+        return f"{self.name(place)} is {'open: close it' if place in self.on else 'off: turn it on'} first"
 
     def _heated(self, thing: str) -> bool:
         """Whether it is on or in something that heats it now, or is that itself."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 from mpvi_bt.executive.completion import criteria
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
-from mpvi_bt.ground.words.phrases import Vocabulary, read
+from mpvi_bt.ground.words.phrases import Vocabulary, kinds, plural, read
 
 _ORDER = {"other", "another", "next"}
 
@@ -36,6 +36,7 @@ class PaperWorld:
         covered: (thing, substance).
         gone: What was cut up; what does not exist yet.
         guessed: Things that are not of the start.
+        said: Things to what the plan called them last, if that is no plural.
         done: How many segments have been carried out.
     """
 
@@ -45,6 +46,7 @@ class PaperWorld:
         self.called = dict(start.called)
         self.known = self.vocabulary = Vocabulary(self.called)
         self.guessed: set[str] = set()
+        self.said: dict[str, str] = {}
         self.done = 0
         self.room = self.place = start.room
         self.spot = {self.place}
@@ -133,13 +135,21 @@ class PaperWorld:
 
     # Which thing is meant
 
+    def noun(self, thing: str) -> str:
+        """What a message calls a thing: as the plan did last, if it did."""
+        return self.said.get(thing) or next(iter(self.called.get(thing, ())), thing.replace("_", " "))
+
     def name(self, thing: str) -> str:
-        """What a message calls a thing."""
-        return f"the {self.called[thing][0]}" if self.called.get(thing) else f"the {thing.replace('_', ' ')}"
+        """The same, with its article."""
+        return f"the {self.noun(thing)}"
 
     def named(self, phrase: str) -> list[str]:
         """All that a phrase may mean, what is gone too."""
-        return self.vocabulary.named(phrase)
+        found = self.vocabulary.named(phrase)
+        (noun,) = kinds([phrase])
+        if plural(noun) != noun:
+            self.said |= dict.fromkeys(found, noun)
+        return found
 
     def guess(self, phrase: str) -> str:
         """A thing that is called so, which is new here."""
@@ -174,7 +184,7 @@ class PaperWorld:
     ) -> str:
         """The thing that a phrase means among some; of several one that was used before, or if not `old` one untouched.
 
-        Raises CannotBe, with why it is not `what` it should be.
+        Raises CannotBe, with why there is none that does `what` it should.
         """
         found = [thing for thing in self.meant(phrase, than) if among(thing)]
         if not found:
@@ -188,17 +198,22 @@ class PaperWorld:
     def _why_not(self, phrase: str, than: str | None, what: str) -> str:
         found = self.meant(phrase, than)
         if not found:
-            return f"there is no {phrase!r} now"
+            yet = "yet" if self.start.later & set(self.named(phrase)) else "any more"
+            return f"there is no {phrase!r} {yet}"
         near = self.near()
         for thing in found:
-            if (door := self.shut_in(thing)) is not None:
-                return f"{self.name(door)} is closed, and {self.name(thing)} is in it"
-            if thing in self.held.values():
-                return f"{self.name(thing)} is in a hand already"
+            if self.shut_in(thing) is not None:
+                return self.hidden(thing)
+            if (side := next((s for s, held in self.held.items() if held == thing), None)) is not None:
+                return f"{self.name(thing)} is in the {side} hand"
         if not any(thing in near for thing in found):
-            where = f"the robot is at {self.name(self.place)}" if self.place != self.room else f"it is in {self.room}"
-            return f"no {phrase!r} is in reach: {where.replace('_', ' ')}; go there first"
-        return f"no {phrase!r} is {what}"
+            place = f"{'in' if self.place == self.room else 'at'} {self.name(self.place)}"
+            return f"no {phrase!r} is in reach, and the robot is {place}: go there first"
+        return f"no {phrase!r} {what}"
+
+    def hidden(self, thing: str) -> str:
+        """The message for a thing behind a door or under a lid that is closed."""
+        return f"{self.name(self.shut_in(thing) or '')} is closed, and {self.name(thing)} is in it: open it first"
 
     def on_or_in(self, thing: str) -> set[str]:
         """What is directly on it or in it."""

@@ -69,27 +69,27 @@ class Rehearsal:
                 criterion = criteria.parse(segment.completion_criterion)
                 before = criterion and world.so(criterion)
                 for idle in self._carry_out(world, segment, criterion):
-                    message = f"{shown(segment.description)} changes nothing: {idle}"
+                    message = f"{_said(segment.description)} changes nothing: {idle}"
                     yield marks.problem((*at, "description"), "pointless", message, severity="warning")
                 if criterion is not None and world.so(criterion) is False:
-                    still = "any more" if before else "after it"
-                    message = f"{shown(segment.completion_criterion)} is not so {still}"
+                    still = "is no longer true" if before else "is not true"
+                    message = f"{_said(segment.completion_criterion)} {still} after {_said(segment.description)}"
                     yield marks.problem((*at, "completion_criterion"), "impossible", message, severity="warning")
                     return
             except CannotBe as error:
-                message = f"{shown(segment.description)} is impossible then: {error}"
+                message = f"{_said(segment.description)} cannot be done: {error}"
                 yield marks.problem((*at, "description"), "impossible", message, severity="warning")
                 return
             except _Unknown:
                 if i + 1 < len(plan.segments) or world.start.called:
                     message = (
-                        f"no skill tells the effects of {shown(segment.description)}; what follows is not rehearsed"
+                        f"no skill tells the effects of {_said(segment.description)}; what follows is not rehearsed"
                     )
                     yield marks.problem((*at, "description"), "not-rehearsed", message, severity="note")
                 return
-        unmet = world.start.unmet(world.truth)
+        unmet = world.start.unmet(world.truth, world.noun)
         if unmet:
-            message = f"at the end of the plan the goal is not reached; what is not so: {'; '.join(unmet)}"
+            message = f"the plan does not reach the goal: at its end {'; '.join(unmet)}"
             yield marks.problem(("segments",), "goal-unmet", message, severity="warning")
 
     def _carry_out(
@@ -110,6 +110,10 @@ def _by_now(history: History, hands: tuple[str, ...]) -> KnownStart:
     held = [thing.name for thing in history.seen if thing.held and thing.inside is None][: len(hands)]
     called = {f"{name} in hand {i}": (name,) for i, name in enumerate(held)}
     return KnownStart(called, held=tuple(called), hands=hands, partial=True)
+
+
+def _said(text: str) -> str:
+    return shown(text, longest=120)  # Our choice: which hand and which place are at the end
 
 
 class _Unknown(Exception):
@@ -134,8 +138,7 @@ def _drive(world: PaperHands, segment: Navigation) -> None:
     there_too = [t for t in meant if not room or normalize(world.room_of(t)) == room] or meant
     seen = [t for t in there_too if world.shut_in(t) is None]
     if not seen:
-        door = world.shut_in(there_too[0])
-        raise CannotBe(f"{world.name(there_too[0])} is not to be seen: {world.name(door or '')} is closed")
+        raise CannotBe(world.hidden(there_too[0]))
     movable = [t for t in there_too if t not in world.start.rooms]
     if movable:
         world.place = min(movable, key=lambda t: world.moved[t])

@@ -280,3 +280,17 @@ def singular(word: str) -> str:
     if len(word) > 2 and word.endswith("s") and not word.endswith("ss"):
         return word[:-1]
     return word
+
+
+def plural(noun: str) -> str:
+    """Several of what is called so, such as "cans of soda"; a plural stays as it is."""
+    head, of, rest = noun.partition(" of ")
+    before, gap, word = head.rpartition(" ")
+    if singular(word) != word:
+        return noun
+    several = next((many for many, one in _data().plurals.items() if one == word != many), "")
+    if not several and re.search(r"(?:ch|sh|x|s|z)$", word):
+        several = f"{word}es"
+    elif not several:
+        several = f"{word[:-1]}ies" if re.search(r"[^aeiou]y$", word) else f"{word}s"
+    return f"{before}{gap}{several}{of}{rest}"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpvi_bt.executive.plan.skills import Skill
-from mpvi_bt.executive.rehearsal.known_start import KnownStart, Truth
+from mpvi_bt.executive.rehearsal.known_start import KnownStart, Noun, Truth
 from mpvi_bt.executive.rehearsal.paper_world import KEPT
 from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
 from mpvi_bt.ground.geometry.linear_algebra import norm
@@ -107,7 +107,7 @@ def known_start(
         washes=_those(entries, lambda e: e.washes is not None),
         later=problem.future | later,
         room=problem.agent_room or "",
-        unmet=lambda truth: _unmet(problem, truth),
+        unmet=lambda truth, noun: _unmet(problem, truth, noun),
         hands=tuple(hands),
     )
 
@@ -144,18 +144,11 @@ def _gap_m(a: Array, b: Array) -> float:
     return float(norm(np.maximum(0.0, np.maximum(a[0] - b[1], b[0] - a[1]))))
 
 
-def _unmet(problem: BddlProblem, truth: Truth) -> list[str]:
-    """The conditions of a goal that do not hold, as far as they are known on paper."""
-    from mpvi_bt.house.goals.formula import All, Formula, holds, literals, without
-
-    def parts(formula: Formula) -> Iterator[Formula]:
-        if isinstance(formula, All):
-            for child in formula.children:
-                yield from parts(child)
-        else:
-            yield formula
+def _unmet(problem: BddlProblem, truth: Truth, noun: Noun) -> list[str]:
+    """What of a goal does not hold, as far as it is known on paper."""
+    from mpvi_bt.house.goals.formula import literals, without
+    from mpvi_bt.house.goals.unmet_words import UnmetWords
 
     unknown = {literal.predicate for literal in literals(problem.goal)} - KEPT.keys()
     known = [kept for condition in problem.conditions if (kept := without(condition, unknown)) is not None]
-    each = [part for condition in known for part in parts(condition)]
-    return [str(part) for part in each if not holds(part, lambda literal: truth(literal.predicate, literal.args))]
+    return UnmetWords(lambda literal: truth(literal.predicate, literal.args), noun, problem.objects).sentences(known)
