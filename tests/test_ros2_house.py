@@ -17,11 +17,12 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mpvi_bt.executive.ticking.stop import Stop
+from mpvi_bt.ground.errors import RobotError
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.episode import run
 from mpvi_bt.runs.ros2.bridge_file import load_bridge
-from mpvi_bt.runs.ros2.robot_session import robot_session
+from mpvi_bt.runs.ros2.robot_session import RobotSession, robot_session
 from mpvi_bt.runs.ros2.ros_episode import play_on_robot
 from mpvi_bt.runs.serving.served import ServedWork
 from tests.loopback import alone
@@ -57,6 +58,12 @@ def result_of(folder: Path, task: str, process: subprocess.Popen[str]) -> dict[s
     return dict(json.loads((folder / f"{task}_0_house.json").read_text()))
 
 
+def step_on(made: RobotSession) -> None:
+    """Step until something is raised."""
+    while True:
+        made.world.step()
+
+
 def test_the_house_steps_once_for_each_answer(tmp_path: Path) -> None:
     """Every command is taken, nothing is lost, the picture is of the present step, and the end is scored."""
     bridge = load_bridge("house", R1)
@@ -78,6 +85,20 @@ def test_the_house_steps_once_for_each_answer(tmp_path: Path) -> None:
     assert 30 <= told["time"]["simulator_steps"] <= 31
     assert {topic["lost"] for topic in told["messages"]["commands"].values()} <= {0, 1}
     assert (told["ended"], told["q_score"]["final"], len(told["conditions"])) == ("bridge_gone", 0.0, 3)
+
+
+def test_a_bridge_ends_soon_after_the_house(tmp_path: Path) -> None:
+    """It does not wait for answers that nobody will send, for which it has 60 s."""
+    with house(tmp_path, "picking_up_trash") as process:
+        with robot_session(load_bridge("house", R1), R1, True, Stop(), lambda line: None) as made:
+            made.world.step()
+            process.terminate()
+            at = time.monotonic()
+            with pytest.raises(RobotError, match="/joint_states: nobody publishes it any more") as raised:
+                step_on(made)
+        assert raised.value.reason == "silent"
+        assert time.monotonic() - at < 30.0
+        assert result_of(tmp_path, "picking_up_trash", process)["ended"] == "stopped"
 
 
 def test_a_house_that_nobody_drives_ends(tmp_path: Path) -> None:

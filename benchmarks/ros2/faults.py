@@ -205,7 +205,10 @@ def _happen(
         if (word := second.hear(BEGIN_S)) == "ready":
             word = second.hear(HUNG_S)
         first = bridge.hear(1.0)
-        return word and (f"{word[0]}; the first: {first[0] if first else 'goes on'}", word[1])
+        told = [end[0] if end else "goes on" for end in (word, first)]
+        if told == ["goes on", "goes on"]:
+            return None
+        return f"{told[0]}; the first: {told[1]}", (word or first)[1]
     else:
         robot.pipe.send((fault, number))
     ended: tuple[str, str] | None = bridge.hear(HUNG_S)

@@ -19,7 +19,7 @@ from mpvi_bt.runs.ros2.ros_line import RosLine
 from mpvi_bt.runs.ros2.ros_node import RobotNode
 from mpvi_bt.runs.ros2.watchdog import Watchdog
 
-_DISCOVERY_S = 1.0  # Our choice: on one machine nodes know each other after some 0.2 s
+_DISCOVERY_S = 2.0  # Our choice: on one busy machine some nodes know each other only after more than 1 s
 
 
 class RosWorld(RemoteWorld):

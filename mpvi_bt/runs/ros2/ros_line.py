@@ -28,6 +28,7 @@ from mpvi_bt.runs.ros2.watchdog import STOPPED
 _POLL_S = 0.02
 _ANSWER_S = 60.0  # Our choice: a simulator that waits for us takes no longer for a step or a picture [wall clock]
 _ASK_AGAIN_S = 1.0
+_GONE_S = 1.0  # Our choice: a simulator whose states nobody publishes for so long has ended [wall clock]
 _PAST = 60  # states that are kept, two seconds: pictures are older than states
 
 
@@ -67,6 +68,7 @@ class RosLine:
         self._stamp_ns = 0
         self._read_at = 0.0
         self._looked_at: list[float] = []
+        self._published_at = time.monotonic()
         self.times = LineTimes()
 
     def begin(self) -> Reading:
@@ -162,6 +164,7 @@ class RosLine:
         with self._heard.changed:
             while not ready():
                 self._check()
+                self._check_there()
                 left = until - time.monotonic()
                 if left <= 0:
                     return False
@@ -176,6 +179,14 @@ class RosLine:
             if reason == STOPPED:
                 raise KeyboardInterrupt(why)
             raise RobotError(reason, why)
+
+    def _check_there(self) -> None:
+        """Lose a simulator in lockstep that has ended: it answers nothing more."""
+        topic, now = self._bridge.settings.state_topics[0], time.monotonic()
+        if not self._bridge.settings.lockstep or not self._past or self.node.is_published(topic):
+            self._published_at = now
+        elif now - self._published_at > _GONE_S:
+            self._lose("silent", f"{topic}: nobody publishes it any more: the simulator has ended")
 
     def _lose(self, reason: str, why: str) -> NoReturn:
         self.gate.halt(reason, why)

@@ -82,6 +82,10 @@ class RobotNode:
         topics = command_topics(self._bridge)[1 if self._base_is_shared else 0 :]
         return [f"{name} on {topic}" for topic in topics for name in self._others(topic)]
 
+    def is_published(self, topic: str) -> bool:
+        """Whether anybody publishes a topic."""
+        return bool(self.node.count_publishers(topic))
+
     def told_of(self, topics: Iterable[str]) -> str:
         """Who publishes topics that nothing comes from, in words."""
         return "; ".join(self._told(topic) for topic in topics)
