@@ -24,7 +24,7 @@ joints:
 grippers:
   right: { topic: /gripper_controller/joint_trajectory }
 wait_s: 5
-watchdog_s: 0.5
+watchdog_s: 5
 """
 SIDE: Side = "right"
 FETCH = robot_named("fetch")
@@ -104,6 +104,13 @@ class TestRobot:
         """When the base was last told to move [monotonic]; -inf: never."""
         return max((at for at, velocity in self.drives if any(velocity)), default=float("-inf"))
 
+    def comes_to_stand(self) -> bool:
+        """Whether the last command that arrives is to stand; on a busy machine it is some time on its way."""
+        until = time.monotonic() + 20.0
+        while any(self.drives[-1][1]) and time.monotonic() < until:
+            time.sleep(0.02)
+        return not any(self.drives[-1][1])
+
     def _make(self) -> None:
         from geometry_msgs.msg import TwistStamped
         from nav_msgs.msg import Odometry
@@ -114,7 +121,7 @@ class TestRobot:
         kinds = {"/joint_states": JointState, "/odom": Odometry, "/head/color": Image, "/head/depth": Image}
         kinds |= {"/head/info": CameraInfo} | ({"/clock": Clock} if self._simulated else {})
         self._publishers = {topic: self.node.create_publisher(kind, topic, 10) for topic, kind in kinds.items()}
-        self.node.create_subscription(TwistStamped, "/cmd_vel", self._drive, 10)
+        self.node.create_subscription(TwistStamped, "/cmd_vel", self._drive, 1000)
         for topic in ("/arm_controller/joint_trajectory", "/gripper_controller/joint_trajectory"):
             self.node.create_subscription(JointTrajectory, topic, self._move, 10)
 

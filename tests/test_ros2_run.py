@@ -149,7 +149,7 @@ def test_a_run_is_stopped_by_a_service(robot: TestRobot, tmp_path: Path) -> None
     told = json.loads((tmp_path / "waiting_ros2.json").read_text())
     assert told["ended"] == "interrupted"
     assert told["ros2"]["halted"] == {"reason": "stopped", "why": "it was stopped by /mpvi/stop"}
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+    assert robot.comes_to_stand()
 
 
 def test_a_robot_that_falls_silent_ends_the_run(robot: TestRobot, tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_a_process_that_is_stopped_stops_the_robot(robot: TestRobot, tmp_path: P
     told = json.loads((tmp_path / "waiting_ros2.json").read_text())
     assert told["ended"] == "interrupted"
     assert told["ros2"]["halted"] == {"reason": "stopped", "why": f"the process was stopped by {number.name}"}
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+    assert robot.comes_to_stand()
     count = len(robot.drives)
     time.sleep(0.5)
     assert len(robot.drives) == count

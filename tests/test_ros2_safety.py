@@ -31,7 +31,10 @@ from tests.ros_robot import FETCH, SIDE, TestRobot, write_bridge
 
 pytestmark = pytest.mark.slow
 
-SOON_S = 1.5  # of a bridge whose states may be 0.5 s old: tests run on busy machines
+SOON_S = 1.5  # tests run on busy machines
+STRICT = {
+    "watchdog_s": "watchdog_s: 0.5"
+}  # of bridges that are to find states too old; others find none on any machine
 
 
 @pytest.fixture(autouse=True)
@@ -65,18 +68,24 @@ def drive(made: RobotSession, seconds: float, forward: float = 0.4) -> None:
         made.world.step()
 
 
+def set_off(made: RobotSession, robot: TestRobot) -> None:
+    """Drive until the robot does."""
+    until = time.monotonic() + 20.0
+    while not robot.drives or robot.drives[-1][1][0] <= 0.2:
+        assert time.monotonic() < until
+        drive(made, 0.1)
+
+
 def ending(made: RobotSession, robot: TestRobot, fault: Callable[[], object]) -> RobotError:
     """Drive, let a fault happen, and drive on. Asserts that commands end in time; returns the reason."""
-    drive(made, 0.4)
-    assert robot.drives[-1][1][0] > 0.2
+    set_off(made, robot)
     at = time.monotonic()
     fault()
     with pytest.raises(RobotError) as raised:
         drive(made, 5.0)
     assert time.monotonic() - at < 4.0
-    time.sleep(0.2)
+    assert robot.comes_to_stand()
     assert robot.last_motion() - at < SOON_S
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
     assert made.gate.halted == (raised.value.reason, str(raised.value))
     return raised.value
 
@@ -98,8 +107,7 @@ def test_a_robot_is_driven(robot: TestRobot, tmp_path: Path) -> None:
         assert image.rgb.shape == (48, 64, 3)
         assert image.depth[0, 0] == pytest.approx(3.0)
         assert image.K[0, 2] == 32.0
-    time.sleep(0.1)
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+    assert robot.comes_to_stand()
 
 
 def test_speed_and_acceleration_are_limited(robot: TestRobot, tmp_path: Path) -> None:
@@ -123,7 +131,7 @@ def test_nothing_moves_before_it_is_allowed(robot: TestRobot, tmp_path: Path) ->
 @pytest.mark.parametrize("topic", ["/joint_states", "/odom"])
 def test_a_silent_topic_stops_the_robot(robot: TestRobot, tmp_path: Path, topic: str) -> None:
     """States that end."""
-    with session(tmp_path) as made:
+    with session(tmp_path, **STRICT) as made:
         error = ending(made, robot, lambda: robot.silent.add(topic))
     assert error.reason == "silent"
     assert topic in str(error)
@@ -131,7 +139,7 @@ def test_a_silent_topic_stops_the_robot(robot: TestRobot, tmp_path: Path, topic:
 
 def test_a_robot_that_is_gone_is_told(robot: TestRobot, tmp_path: Path) -> None:
     """Its node is killed."""
-    with session(tmp_path) as made:
+    with session(tmp_path, **STRICT) as made:
         error = ending(made, robot, lambda: robot.silent.update(("/joint_states", "/odom", "/head/color")))
     assert error.reason == "silent"
 
@@ -157,7 +165,7 @@ def test_a_clock_that_comes_late_is_waited_for(tmp_path: Path, monkeypatch: pyte
 
 def test_stamps_of_another_time_stop_the_robot(robot: TestRobot, tmp_path: Path) -> None:
     """The robot's own clock is set back: its states are old."""
-    with session(tmp_path) as made:
+    with session(tmp_path, **STRICT) as made:
         error = ending(made, robot, lambda: setattr(robot, "shift_s", -3.0))
     assert error.reason == "silent"
 
@@ -174,16 +182,20 @@ def other_names(message: Any) -> None:
     message.name = [f"x_{name}" for name in message.name]
 
 
-@pytest.mark.parametrize(
-    ("spoil", "reason"), [(no_number, "bad_state"), (too_few, "bad_state"), (other_names, "silent")]
-)
-def test_states_that_cannot_be_stop_the_robot(
-    robot: TestRobot, tmp_path: Path, spoil: Callable[[Any], None], reason: str
-) -> None:
-    """NaN, lists of different lengths, names of no joint of the robot."""
+@pytest.mark.parametrize("spoil", [no_number, too_few])
+def test_states_that_cannot_be_stop_the_robot(robot: TestRobot, tmp_path: Path, spoil: Callable[[Any], None]) -> None:
+    """NaN, lists of different lengths."""
     with session(tmp_path) as made:
         error = ending(made, robot, lambda: setattr(robot, "spoil", spoil))
-    assert error.reason == reason
+    assert error.reason == "bad_state"
+    assert "/joint_states" in str(error)
+
+
+def test_names_of_no_joint_are_no_states(robot: TestRobot, tmp_path: Path) -> None:
+    """What was last heard of the robot's own joints gets old."""
+    with session(tmp_path, **STRICT) as made:
+        error = ending(made, robot, lambda: setattr(robot, "spoil", other_names))
+    assert error.reason == "silent"
     assert "/joint_states" in str(error)
 
 
@@ -204,8 +216,7 @@ def test_an_old_picture_is_refused(robot: TestRobot, tmp_path: Path) -> None:
         with pytest.raises(RobotError, match="/head/color: the newest picture is") as raised:
             made.world.robot.look("head")
         assert raised.value.reason == "late_picture"
-    time.sleep(0.1)
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+    assert robot.comes_to_stand()
 
 
 def test_intrinsics_that_do_not_fit_are_told(robot: TestRobot, tmp_path: Path) -> None:
@@ -247,28 +258,27 @@ def test_a_topic_that_nobody_has_is_told_at_the_start(robot: TestRobot, tmp_path
 
 def test_a_loop_that_hangs_stops_the_base(robot: TestRobot, tmp_path: Path) -> None:
     """Whoever thinks for a second does not drive on meanwhile; then the run goes on."""
-    with session(tmp_path) as made:
-        drive(made, 0.4)
+    with session(tmp_path, **STRICT) as made:
+        set_off(made, robot)
         at = time.monotonic()
         time.sleep(2.5)
+        assert robot.comes_to_stand()
         assert robot.last_motion() - at < SOON_S
-        assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
-        drive(made, 0.3)
-        assert robot.drives[-1][1][0] > 0.0
+        set_off(made, robot)
         assert made.watchdog.stalls >= 1
 
 
 def test_a_signal_stops_the_robot(robot: TestRobot, tmp_path: Path) -> None:
     """SIGTERM, while the main thread is at something else."""
     with session(tmp_path) as made:
-        drive(made, 0.4)
+        set_off(made, robot)
         at = time.monotonic()
         threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGTERM)).start()
         time.sleep(0.6)
         with pytest.raises(KeyboardInterrupt, match="SIGTERM"):
             drive(made, 5.0)
+    assert robot.comes_to_stand()
     assert robot.last_motion() - at < SOON_S
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
 
 
 def test_an_error_stops_the_robot(robot: TestRobot, tmp_path: Path) -> None:
@@ -276,15 +286,14 @@ def test_an_error_stops_the_robot(robot: TestRobot, tmp_path: Path) -> None:
 
     def broken() -> None:
         with session(tmp_path) as made:
-            drive(made, 0.4)
+            set_off(made, robot)
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
         broken()
     at = time.monotonic()
-    time.sleep(0.2)
+    assert robot.comes_to_stand()
     assert robot.last_motion() - at < SOON_S
-    assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
 
 
 def test_a_fault_of_ours_in_what_hears_halts_the_robot(tmp_path: Path) -> None:
@@ -296,12 +305,10 @@ def test_a_fault_of_ours_in_what_hears_halts_the_robot(tmp_path: Path) -> None:
 
 def test_a_watchdog_that_breaks_halts_the_robot(robot: TestRobot, tmp_path: Path, monkeypatch) -> None:
     """What it watches by may fail in a way that nobody thought of."""
+
+    def fails() -> list[str]:
+        raise RuntimeError("the graph is gone")
+
     with session(tmp_path) as made:
-
-        def fails() -> list[str]:
-            raise RuntimeError("the graph is gone")
-
-        monkeypatch.setattr(made.node, "commanders", fails)
-        with pytest.raises(RobotError, match="the watchdog broke: RuntimeError: the graph is gone"):
-            drive(made, 5.0)
-        assert robot.drives[-1][1] == (0.0, 0.0, 0.0)
+        error = ending(made, robot, lambda: monkeypatch.setattr(made.node, "commanders", fails))
+    assert str(error) == "the watchdog broke: RuntimeError: the graph is gone"
