@@ -72,6 +72,7 @@ def test_a_controller_without_names_has_the_other_joints(written) -> None:
         ("[torso_lift_joint]", "[torso_lift]", 8, "unknown joint 'torso_lift' of the robot fetch"),
         ("/torso_controller", "/torso_controller, action: /a", 8, "either 'topic' or 'action'"),
         ("- { topic: /other_controller }", "- { topic: /x, joints: [torso_lift_joint] }", 9, "commanded by entry 0"),
+        ("open: 0.05", "open: 0", 11, "open and closed are the same"),
         ("  right:", "  left:", 11, "unknown gripper 'left' of the robot fetch"),
         ("clock: system", "clock: sim\nwatchdog_s: 0", 2, "greater than 0"),
         ("clock: system", "lockstep: true", 1, "'lockstep' is for a simulator"),

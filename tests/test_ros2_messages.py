@@ -14,10 +14,14 @@ import pytest
 from mpvi_bt.apps.cli import main
 from mpvi_bt.ground.errors import BadMessage, UserError
 from mpvi_bt.ground.robot.action_layout import ActionLayout
+from mpvi_bt.ground.robot.described import DescribedRobot
+from mpvi_bt.ground.robot.robot_reading import read_robot
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
+from mpvi_bt.runs.recording.ros_values import joint_commands, joint_states
 from mpvi_bt.runs.ros2.bridge_file import load_bridge
 from mpvi_bt.runs.ros2.command_messages import targets_of
 from mpvi_bt.runs.ros2.heard_states import HeardStates
+from mpvi_bt.runs.ros2.house_commands import HouseCommands
 from mpvi_bt.runs.ros2.picture_messages import color_of, depth_of, intrinsics_of, labels_of, names_of
 from mpvi_bt.runs.ros2.ros_packages import part
 from mpvi_bt.runs.ros2.state_messages import FeltBase, FeltJoint, body_of, next_place, read_joints, yaw_of
@@ -76,6 +80,55 @@ def test_a_gripper_that_turns_is_read_by_its_ends(tmp_path: Path) -> None:
     joints = {joint: FeltJoint(position, 0.0, 1) for joint, position in targets.items()}
     width = body_of(robot, bridge, joints, FeltBase(np.zeros(3), np.zeros(3), 1)).gripper_width["right"]
     assert width == pytest.approx(0.75 * robot.opening_m)
+
+
+def turning(folder: Path) -> DescribedRobot:
+    """A robot of a file: its fingers turn, one up to open, the other one down."""
+    text = Path("examples/six_joints/robot.urdf").read_text(encoding="utf-8")
+    for name, limits in (("left_finger", (0.0, 0.8)), ("right_finger", (-0.7, 0.1))):
+        joint = f'<joint name="{name}" type="prismatic">'
+        assert joint in text
+        head, tail = text.split(joint)
+        low, high = limits
+        tail = tail.replace('lower="0" upper="0.05"', f'lower="{low}" upper="{high}"', 1)
+        text = head + joint.replace("prismatic", "revolute") + tail
+    (folder / "robot.urdf").write_text(text.replace('<mimic joint="left_finger"/>', ""))
+    text = Path("examples/six_joints/robot.yaml").read_text(encoding="utf-8")
+    ends = "joints: [left_finger, right_finger]\n    closed: [0.0, 0.1]\n    open: [0.8, -0.7]\n    opening_m: 0.085"
+    (folder / "robot.yaml").write_text(text.replace("joints: [left_finger]", ends))
+    return read_robot(folder / "robot.yaml")
+
+
+@pytest.mark.parametrize(("told", "at"), [(-1.0, (0.0, 0.1)), (1.0, (0.8, -0.7)), (0.5, (0.6, -0.5))])
+def test_fingers_of_a_robots_file_that_turn_go_between_its_ends(
+    tmp_path: Path, told: float, at: tuple[float, float]
+) -> None:
+    """Commands, the house that takes them, recordings, and what is felt say the same of them."""
+    robot = turning(tmp_path)
+    bridge = load_bridge("house", robot)
+    action = np.zeros(robot.layout.size)
+    action[robot.layout.gripper["right"]] = told
+    fingers = {"left_finger": pytest.approx(at[0]), "right_finger": pytest.approx(at[1])}
+    targets = targets_of(robot, bridge, action)
+    assert {name: targets[name] for name in fingers} == fingers
+
+    house = HouseCommands(robot, np.zeros(robot.layout.size), bridge)
+    house.follow(
+        "/right_gripper/joint_trajectory", 0, list(fingers), [1 / 30], [np.array([targets[n] for n in fingers])]
+    )
+    assert house.next_action()[robot.layout.gripper["right"]] == pytest.approx(told)
+
+    joints = {joint: FeltJoint(position, 0.0, 1) for joint, position in targets.items()}
+    joints |= {"left_finger": FeltJoint(at[0], 0.8, 1), "right_finger": FeltJoint(at[1], -0.8, 1)}
+    body = body_of(robot, bridge, joints, FeltBase(np.zeros(3), np.zeros(3), 1))
+    assert body.gripper_width["right"] == pytest.approx((told + 1) / 2 * 0.085, abs=1e-12)
+    assert body.gripper_velocity["right"] == pytest.approx(0.085)
+    recorded = joint_states(0.0, robot, body)
+    felt = dict(zip(recorded["name"], zip(recorded["position"], recorded["velocity"], strict=True), strict=True))
+    assert {name: felt[name][0] for name in fingers} == fingers
+    assert [felt[name][1] for name in fingers] == pytest.approx([0.8, -0.8])
+    commanded = joint_commands(0.0, robot, body, action)
+    assert fingers.items() <= dict(zip(commanded["name"], commanded["position"], strict=True)).items()
 
 
 def test_a_joint_state_is_read() -> None:

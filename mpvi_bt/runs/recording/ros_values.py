@@ -11,6 +11,7 @@ from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.rotations import quaternion
 from mpvi_bt.ground.geometry.solids import Array, pose
+from mpvi_bt.ground.robot.finger_joints import fingers_of
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.recording.search_view import Mask
@@ -84,22 +85,23 @@ def odometry(time_s: float, felt: Proprioception) -> Value:
     }
 
 
-def _joints(robot: RobotDescription, torso: Array, arm: Mapping[Side, Array], width: Mapping[Side, float]) -> Value:
-    """Name to value: of torso, arms and fingers. Each finger has an equal share of its gripper's width."""
+def _joints(robot: RobotDescription, torso: Array, arm: Mapping[Side, Array], fingers: Mapping[Side, Array]) -> Value:
+    """Name to value: of torso, arms and fingers."""
     values = {name: float(value) for name, value in zip(robot.torso_joints, torso, strict=True) if name is not None}
     for side in robot.sides:
         if side in arm:
             values |= zip(robot.arm_joints[side], map(float, arm[side]), strict=True)
-        if side in width:
-            fingers = robot.finger_joints[side]
-            values |= dict.fromkeys(fingers, width[side] / max(1, len(fingers)))
+        if side in fingers:
+            values |= zip(robot.finger_joints[side], map(float, fingers[side]), strict=True)
     return values
 
 
 def joint_states(time_s: float, robot: RobotDescription, felt: Proprioception) -> Value:
     """`sensor_msgs/JointState` of what is felt [m or rad, m/s or rad/s]."""
-    positions = _joints(robot, felt.torso, felt.arm, felt.gripper_width)
-    velocities = _joints(robot, felt.torso_velocity, felt.arm_velocity, felt.gripper_velocity)
+    apart = {side: fingers_of(robot, side).positions(width) for side, width in felt.gripper_width.items()}
+    positions = _joints(robot, felt.torso, felt.arm, apart)
+    opening = {side: fingers_of(robot, side).rates * speed for side, speed in felt.gripper_velocity.items()}
+    velocities = _joints(robot, felt.torso_velocity, felt.arm_velocity, opening)
     told = [velocities.get(name, 0.0) for name in positions]
     return {"header": header(time_s), "name": list(positions), "position": list(positions.values()), "velocity": told}
 
@@ -108,8 +110,9 @@ def joint_commands(time_s: float, robot: RobotDescription, felt: Proprioception,
     """`sensor_msgs/JointState` of the targets in an action (A,) [m or rad]."""
     layout = robot.layout
     arm = {side: action[joints] for side, joints in layout.arm.items()}
-    width = {side: (float(action[i]) + 1) / 2 * felt.open_m for side, i in layout.gripper.items()}
-    targets = _joints(robot, action[layout.torso], arm, width)
+    told = {side: (float(action[i]) + 1) / 2 * felt.open_m for side, i in layout.gripper.items()}
+    apart = {side: fingers_of(robot, side).positions(width) for side, width in told.items()}
+    targets = _joints(robot, action[layout.torso], arm, apart)
     return {"header": header(time_s), "name": list(targets), "position": list(targets.values())}
 
 

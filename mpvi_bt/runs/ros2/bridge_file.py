@@ -6,12 +6,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, StringConstraints, model_validator
 
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
+from mpvi_bt.ground.robot.finger_joints import FingerJoints, fingers_of
+from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 EACH = "*"  # as a name: every camera, or gripper, that has no entry of its own; {name} in its topics is its name
@@ -124,12 +127,12 @@ class GripperCommands(JointCommands):
 
     Attributes:
         joints: Names; None: the finger joints of the robot's file.
-        open: Position of each joint when fully open; None: an even share of the opening [m].
-        closed: Position of each joint when closed.
+        open, closed: Position of each joint then; None: as the robot's file has it. A joint that it does not have
+            slides by an even share of the opening.
     """
 
     open: Finite | None = None
-    closed: Finite = 0.0
+    closed: Finite | None = None
 
 
 class Quality(Record):
@@ -209,13 +212,15 @@ class Bridge:
         cameras: By name, those that have topics.
         joints: Controllers with the names of their joints.
         grippers: By side.
+        fingers: The joints of each.
     """
 
     file: str
     settings: BridgeFile
     cameras: Mapping[str, CameraTopics]
     joints: tuple[JointCommands, ...]
-    grippers: Mapping[str, GripperCommands]
+    grippers: Mapping[Side, GripperCommands]
+    fingers: Mapping[Side, FingerJoints]
 
 
 def check_bridge(data: Any, marks: SourceMarks) -> BridgeFile:
@@ -238,17 +243,30 @@ def load_bridge(given: str, robot: RobotDescription) -> Bridge:
         raise FileProblems(problems)
     rest = _rest(settings, robot)
     grippers = _each(settings.grippers, robot.sides)
+    fingers = {side: _fingers(grippers[side], robot, side) for side in robot.sides}
+    for side in robot.sides:
+        if (fingers[side].ends[:, 0] == fingers[side].ends[:, 1]).any():
+            place = ("grippers", side if side in settings.grippers else EACH)
+            raise FileProblems([marks.problem(place, "out-of-range", "open and closed are the same", key=True)])
     return Bridge(
         file=marks.file,
         settings=settings,
         cameras=_each(settings.cameras, robot.cameras),
         joints=tuple(entry if entry.joints else entry.model_copy(update={"joints": rest}) for entry in settings.joints),
-        grippers={
-            side: grippers[side].model_copy(update={"joints": grippers[side].joints or robot.finger_joints[side]})
-            for side in robot.sides
-            if side in grippers
-        },
+        grippers={side: grippers[side].model_copy(update={"joints": fingers[side].names}) for side in robot.sides},
+        fingers=fingers,
     )
+
+
+def _fingers(entry: GripperCommands, robot: RobotDescription, side: Side) -> FingerJoints:
+    """The joints of a gripper, with the ends that the file gives them."""
+    own = fingers_of(robot, side)
+    names = entry.joints or own.names
+    known = dict(zip(own.names, own.ends, strict=True))
+    ends = np.array([known.get(name, (0.0, own.opening_m / len(names))) for name in names], float)
+    for column, given in enumerate((entry.closed, entry.open)):
+        ends[:, column] = ends[:, column] if given is None else given
+    return FingerJoints(names, ends, own.opening_m)
 
 
 def joint_names(robot: RobotDescription) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.runs.ros2.bridge_file import BaseCommands, Bridge
-from mpvi_bt.runs.ros2.state_messages import NS, finger_ends
+from mpvi_bt.runs.ros2.state_messages import NS
 
 PERIOD_NS = round(NS / CONTROL_HZ)
 
@@ -52,8 +52,6 @@ def targets_of(robot: RobotDescription, bridge: Bridge, action: Array) -> dict[s
     told = dict(zip(robot.torso_joints, action[layout.torso], strict=True))
     for side in robot.sides:
         told.update(zip(robot.arm_joints[side], action[layout.arm[side]], strict=True))
-        entry = bridge.grippers[side]
-        closed, opened = finger_ends(entry, robot.opening_m)
-        share = (float(action[layout.gripper[side]]) + 1) / 2
-        told.update(dict.fromkeys(entry.joints or (), closed + share * (opened - closed)))
+        fingers, share = bridge.fingers[side], (float(action[layout.gripper[side]]) + 1) / 2
+        told.update(zip(fingers.names, fingers.positions(share * fingers.opening_m), strict=True))
     return {name: float(value) for name, value in told.items() if name is not None}

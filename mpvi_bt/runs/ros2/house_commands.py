@@ -99,11 +99,10 @@ class HouseCommands:
         self._lockstep = bridge.settings.lockstep
         numbers = {name: i for i, name in enumerate(model.layout.names)}
         self._targets = {name: _Target(numbers[name]) for entry in bridge.joints for name in entry.joints or ()}
-        for side, entry in bridge.grippers.items():
-            names = entry.joints or ()
-            opened = model.opening_m / len(names) if entry.open is None else entry.open
-            number = next(i for s, i in model.layout.gripper.items() if s == side)
-            self._targets |= dict.fromkeys(names, _Target(number, 2.0 / (opened - entry.closed), entry.closed))
+        for side, fingers in bridge.fingers.items():
+            number = model.layout.gripper[side]
+            for name, (closed, opened) in zip(fingers.names, fingers.ends, strict=True):
+                self._targets[name] = _Target(number, 2.0 / (opened - closed), closed)
         self.heard: Mapping[str, Heard] = {
             topic: Heard() for topic in (bridge.settings.base.topic, *trajectory_topics(bridge))
         }

@@ -18,7 +18,7 @@ ODOM = "odom"
 
 
 def joint_state(model: RobotDescription, felt: Proprioception, stamp: Time) -> JointState:
-    """Every joint of torso, arms and fingers by its name [m, rad, m/s, rad/s]; fingers share the opening evenly."""
+    """Every joint of torso, arms and fingers by its name [m, rad, m/s, rad/s]."""
     told = ros_values.joint_states(0.0, model, felt)
     message = JointState(name=told["name"], position=told["position"], velocity=told["velocity"])
     message.header.stamp = stamp

@@ -13,7 +13,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import Proprioception
 from mpvi_bt.ground.robot.robot_description import RobotDescription
-from mpvi_bt.runs.ros2.bridge_file import Bridge, GripperCommands, joint_names
+from mpvi_bt.runs.ros2.bridge_file import Bridge, joint_names
 
 NS = 1_000_000_000
 
@@ -108,8 +108,7 @@ def yaw_of(x: float, y: float, z: float, w: float, topic: str) -> float:
 
 def needed_joints(robot: RobotDescription, bridge: Bridge) -> tuple[str, ...]:
     """The joints that have to be felt: those of torso, arms and grippers."""
-    fingers = (name for entry in bridge.grippers.values() for name in entry.joints or ())
-    return (*joint_names(robot), *fingers)
+    return (*joint_names(robot), *(name for fingers in bridge.fingers.values() for name in fingers.names))
 
 
 def body_of(robot: RobotDescription, bridge: Bridge, joints: Mapping[str, FeltJoint], base: FeltBase) -> Proprioception:
@@ -121,34 +120,16 @@ def body_of(robot: RobotDescription, bridge: Bridge, joints: Mapping[str, FeltJo
     def speed(names: tuple[str | None, ...]) -> Array:
         return np.array([joints[name].velocity if name else 0.0 for name in names])
 
-    openings = {side: _opening(entry, joints, robot.opening_m) for side, entry in bridge.grippers.items()}
     return Proprioception(
         base_pose=base.pose,
         base_velocity=base.velocity,
         torso=at(robot.torso_joints),
         arm={side: at(robot.arm_joints[side]) for side in robot.sides},
         arm_velocity={side: speed(robot.arm_joints[side]) for side in robot.sides},
-        gripper_width={side: openings[side][0] for side in robot.sides},
+        gripper_width={side: fingers.width(at(fingers.names)) for side, fingers in bridge.fingers.items()},
         gripper_command={},
         torso_velocity=speed(robot.torso_joints),
-        gripper_velocity={side: openings[side][1] for side in robot.sides},
+        gripper_velocity={side: fingers.widening(speed(fingers.names)) for side, fingers in bridge.fingers.items()},
         robot=robot.name,
         open_m=robot.opening_m,
     )
-
-
-def finger_ends(entry: GripperCommands, opening_m: float) -> tuple[float, float]:
-    """Positions of each joint of a gripper: closed, and fully open."""
-    names = entry.joints or ()
-    return entry.closed, opening_m / max(1, len(names)) if entry.open is None else entry.open
-
-
-def _opening(entry: GripperCommands, joints: Mapping[str, FeltJoint], opening_m: float) -> tuple[float, float]:
-    """How wide a gripper is open [m], and how fast it opens [m/s]."""
-    names = entry.joints or ()
-    closed, opened = finger_ends(entry, opening_m)
-    scale = opening_m / (opened - closed) / max(1, len(names))
-    if abs(scale - 1.0) < 1e-12:  # fingers that slide: exact
-        scale = 1.0
-    width = sum(joints[name].position - closed for name in names) * scale
-    return float(width), float(sum(joints[name].velocity for name in names) * scale)
