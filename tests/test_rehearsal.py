@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
+import mpvi_bt
 from mpvi_bt.executive.plan.history import History, SeenObject, Unit
 from mpvi_bt.executive.plan.schema import Plan, load_plan
-from mpvi_bt.executive.plan.skill_effects import SkillEffects
+from mpvi_bt.executive.plan.skill_effects import SkillEffects, SkillNeeds, Terms
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
 from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
@@ -274,7 +276,37 @@ def test_amid_an_episode_only_payloads_are_known() -> None:
     assert found(rehearsal, "go to the fridge", *one_hand, history=half) == impossible(2)
 
 
-def test_contradicting_effects_are_an_error() -> None:
-    """A thing cannot be open and closed at once."""
-    with pytest.raises(ValidationError, match="open and closed at once"):
-        SkillEffects(open="object", closed="object")
+@pytest.mark.parametrize(
+    ("terms", "told", "why"),
+    [
+        (SkillEffects, {"open": "object", "closed": "object"}, "closed and open at once"),
+        (SkillEffects, {"held": "object", "inside": ("object", "container")}, "held and inside at once"),
+        (SkillEffects, {"inside": ("object", "container"), "ontop": ("object", "surface")}, "inside and ontop at once"),
+        (SkillEffects, {"clean": "target", "sprayed": "target"}, "clean and sprayed at once"),
+        (SkillEffects, {"ontop": ("object", "object")}, "cannot be its own place"),
+        (SkillNeeds, {"open": ("object",), "closed": ("object",)}, "open and closed at once"),
+        (SkillNeeds, {"hands": 2, "held": ("object",)}, "both hands have to be free"),
+    ],
+)
+def test_terms_that_exclude_each_other_are_an_error(terms: type[Terms], told: dict[str, object], why: str) -> None:
+    """Of one thing; or of both hands."""
+    with pytest.raises(ValidationError, match=why):
+        terms.model_validate(told)
+
+
+@pytest.mark.parametrize(
+    ("needs", "effects", "why"),
+    [
+        ("{open: [object]}", "{open: object}", "is open before"),
+        ("{held: [object]}", "{held: object}", "is held before"),
+        ("{near: [surface]}", "{ontop: [object, surface]}", "lets go of 'object'"),
+    ],
+)
+def test_effects_that_contradict_the_needs_are_an_error(tmp_path: Path, needs: str, effects: str, why: str) -> None:
+    """The check says so at their place in the file."""
+    text = "name: shove\nabout: Shove.\nphrases: ['shove {object} onto {surface}']\ntimeout_s: 9\n"
+    text += f"triggers: [{{event: rest, camera: head}}]\nneeds: {needs}\neffects: {effects}\n"
+    (tmp_path / "shove.yaml").write_text(text)
+    (problem,) = mpvi_bt.check(tmp_path / "shove.yaml")
+    assert (problem.severity, problem.line) == ("error", 7)
+    assert why in problem.message

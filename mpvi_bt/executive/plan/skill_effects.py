@@ -7,9 +7,9 @@ no hand lets go of a payload there, and for the same reason a hand-over ends `pa
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, model_validator
 
 from mpvi_bt.executive.plan.pattern import Slot
 from mpvi_bt.ground.marked_yaml import Record
@@ -25,6 +25,20 @@ class Terms(Record):
         """Every slot that is told."""
         told = (term for term in self.model_dump().values() if term and not isinstance(term, int))
         return [slot for term in told for slot in ((term,) if isinstance(term, str) else term)]
+
+
+RELEASING = ("inside", "ontop", "nextto", "under", "attached")  # terms after which the payload is in no hand
+_EXCLUDED = {  # effects on one thing that exclude each other
+    "closed": ("open",),
+    "clean": ("sprayed",),
+    "held": ("passed", "cut", *RELEASING),
+    "inside": ("ontop", "attached"),
+}
+
+
+def payload(told: Slot | Pair | None) -> Slot | None:
+    """The thing of an effect, or the first one of a pair."""
+    return told[0] if isinstance(told, tuple) else told
 
 
 class SkillNeeds(Terms):
@@ -44,6 +58,17 @@ class SkillNeeds(Terms):
     open: tuple[Slot, ...] = ()
     closed: tuple[Slot, ...] = ()
     on: tuple[Slot, ...] = ()
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        """Raises ValueError for needs that exclude each other."""
+        if both := {*self.open} & {*self.closed}:
+            raise ValueError(f"{min(both)!r} cannot be open and closed at once; leave one of the two out")
+        if self.hands == 2 and self.held:
+            raise ValueError(
+                f"both hands have to be free, and {self.held[0]!r} has to be in one; leave one of the two out"
+            )
+        return self
 
 
 class SkillEffects(Terms):
@@ -88,13 +113,29 @@ class SkillEffects(Terms):
     meanwhile: Slot | None = None
     at: Slot | None = None
 
-    @field_validator("closed")
-    @classmethod
-    def _is_one_of_both(cls, closed: Slot | None, info: ValidationInfo) -> Slot | None:
-        """Raises ValueError for a thing that is both open and closed afterward."""
-        if closed is not None and closed == info.data.get("open"):
-            raise ValueError(f"{closed!r} cannot be open and closed at once; leave one of the two out")
-        return closed
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        """Raises ValueError for effects that exclude each other: of one thing, or of a pair that is one thing."""
+        for term in type(self).model_fields:
+            told = getattr(self, term)
+            if isinstance(told, tuple) and told[0] == told[1]:
+                raise ValueError(f"{term}: {told[0]!r} cannot be its own place")
+            for other in _EXCLUDED.get(term, ()):
+                if told is not None and payload(told) == payload(getattr(self, other)):
+                    raise ValueError(
+                        f"{payload(told)!r} cannot be {term} and {other} at once; leave one of the two out"
+                    )
+        return self
+
+    def contradiction(self, needs: SkillNeeds) -> str:
+        """Why these effects do not go with needs, in words; "" if they do."""
+        for term in ("open", "closed", "held"):
+            if (slot := getattr(self, term)) is not None and slot in getattr(needs, term):
+                return f"{slot!r} is {term} before the skill already: take {term!r} out of needs or out of effects"
+        for term in RELEASING:
+            if (told := getattr(self, term)) is not None and told[0] not in needs.held:
+                return f"{term!r} lets go of {told[0]!r}, and needs do not tell that it is held"
+        return ""
 
     @property
     def put(self) -> Pair | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from mpvi_bt.executive.plan.skill_effects import RELEASING
 from mpvi_bt.executive.plan.skill_phrases import example, slots
 from mpvi_bt.executive.plan.skills import Skill
 
@@ -39,7 +40,6 @@ EFFECTS: Mapping[str, str] = {
     "at": "the robot is at {0}",
 }
 _HANDS = ("", "a free hand", "both hands free")
-_FREES = ("inside", "ontop", "nextto", "under", "attached")  # terms after which the payload is in no hand
 
 
 def shown_phrase(skill: Skill) -> str:
@@ -75,5 +75,5 @@ def _effects(skill: Skill) -> Iterator[str]:
         if term == "held" and skill.hands == 2:
             pattern = "{0} is held with both hands"
         yield pattern.format(*(f"{{{slot}}}" for slot in named))
-        if term in _FREES:
+        if term in RELEASING:
             yield "and the hand is free"

@@ -96,6 +96,15 @@ class Skill(Record):
         _check_slots(told if isinstance(told, tuple) else told.slots, info)
         return told
 
+    @field_validator("effects")
+    @classmethod
+    def _follows(cls, effects: SkillEffects, info: ValidationInfo) -> SkillEffects:
+        """Raises ValueError for effects that the needs contradict, if the file tells both."""
+        needs = info.data.get("needs")
+        if needs is not None and needs.model_fields_set and (why := effects.contradiction(needs)):
+            raise ValueError(why)
+        return effects
+
     @cached_property
     def patterns(self) -> tuple[Pattern, ...]:
         """Its phrases, read."""

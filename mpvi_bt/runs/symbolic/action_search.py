@@ -14,13 +14,14 @@ from mpvi_bt.ground.extras import install
 from mpvi_bt.runs.symbolic.grounded_actions import GroundedAction
 from mpvi_bt.runs.symbolic.told_facts import Atom
 
-# Our choice: first for few drives; where that takes too long, for any plan. No spaces: words are told apart by them.
-_SEARCHES = (
-    "let(h,eval_modify_costs(ff(),cost_type=plusone),lazy_wastar([h],preferred=[h],w=1))",
-    "let(h,eval_modify_costs(ff(),cost_type=one),lazy_greedy([h],preferred=[h],cost_type=one))",
+# Our choice: for any plan first, then for one with fewer drives. No spaces: words are told apart by them.
+_SEARCH = (
+    "let(h,eval_modify_costs(ff(),cost_type=one),let(g,eval_modify_costs(ff(),cost_type=plusone),iterated(["
+    "lazy_greedy([h],preferred=[h],cost_type=one),lazy_wastar([g],preferred=[g],w=1)])))"
 )
 _NO_INVARIANTS = ["--invariant-generation-max-time", "0"]  # they take seconds, and the search does without
 
+MOST_ACTIONS = 3000  # our choice: writing them down takes seconds already; the fifty tasks have 400 at most
 
 NEEDED = ("unified_planning", "up_fast_downward")
 
@@ -31,6 +32,10 @@ def require_installed() -> None:
         raise UserError(f"the symbolic planner, which plans tasks without a plan on file, needs {install('symbolic')}")
 
 
+class NoActions(Exception):
+    """No actions were found; the message says why."""
+
+
 def find_actions(
     actions: Sequence[GroundedAction],
     start: Collection[Atom],
@@ -38,24 +43,28 @@ def find_actions(
     never: Collection[Atom],
     limit_s: float,
     tell: Callable[[str], None] = lambda line: None,
-) -> list[GroundedAction] | None:
-    """Actions that lead from the start to the goal; None: there are none, or the time was too short.
+) -> list[GroundedAction]:
+    """Actions that lead from the start to the goal: the cheapest that are found in time.
 
     Args:
         actions: To choose from.
         start: What is so.
         goal: What has to be so at the end.
         never: What must not be so at the end.
-        limit_s: Wall time of each of two searches: for few drives, and if that finds none in time for any.
-        tell: Is told that the second one was needed.
+        limit_s: Wall time of the search.
+        tell: Is told if there may be cheaper ones.
 
     Raises:
+        NoActions: There are none, or none were found in time, or there are too many to choose from.
         UserError: The extra is not installed.
     """
     require_installed()
+    if len(actions) > MOST_ACTIONS:
+        raise NoActions(f"the task is too large: {len(actions)} actions to choose from, of at most {MOST_ACTIONS}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import unified_planning.shortcuts as up
+        from unified_planning.engines import PlanGenerationResultStatus as Status
     up.get_environment().credits_stream = None
     problem = up.Problem("task")
     used = sorted({*start, *goal, *never, *(a for act in actions for a in (*act.needs, *act.forbids, *act.adds))})
@@ -81,15 +90,17 @@ def find_actions(
     for atom in sorted(never):
         problem.add_goal(up.Not(fluents[atom]))
     problem.add_quality_metric(up.MinimizeActionCosts(costs))
-    for search in _SEARCHES:
-        options = {"fast_downward_search_config": search, "fast_downward_translate_options": _NO_INVARIANTS}
-        with warnings.catch_warnings(), TemporaryDirectory() as folder, contextlib.chdir(folder):  # it writes a file
-            warnings.simplefilter("ignore")
-            with up.OneshotPlanner(name="fast-downward", params=options) as planner:
-                result = planner.solve(problem, timeout=limit_s)
-        if result.plan is not None:
-            return [actions[int(step.action.name[1:])] for step in result.plan.actions]
-        if result.status.name.startswith("UNSOLVABLE"):
-            return None
-        tell(f"no cheapest plan in {limit_s:g} s: any plan is sought")
-    return None
+    options = {"fast_downward_anytime_search_config": _SEARCH, "fast_downward_translate_options": _NO_INVARIANTS}
+    with warnings.catch_warnings(), TemporaryDirectory() as folder, contextlib.chdir(folder):  # it writes a file
+        warnings.simplefilter("ignore")
+        with up.AnytimePlanner(name="fast-downward", params=options) as planner:
+            *_, result = planner.get_solutions(problem, timeout=limit_s)
+    if result.plan is not None:
+        if result.status is Status.TIMEOUT:
+            tell(f"the cheapest plan was not found in {limit_s:g} s: this is the best one so far")
+        return [actions[int(step.action.name[1:])] for step in result.plan.actions]
+    if result.status in (Status.UNSOLVABLE_PROVEN, Status.UNSOLVABLE_INCOMPLETELY):
+        raise NoActions("no order of actions reaches all conditions of the goal together")
+    if result.status is Status.TIMEOUT:
+        raise NoActions(f"none was found in {limit_s:g} s; there may be one")
+    raise NoActions(f"the search failed: {result.status.name.lower().replace('_', ' ')}")

@@ -13,10 +13,11 @@ from mpvi_bt.ground.errors import Problem, UserError
 from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.house.instances.tasks import Task, check_task
-from mpvi_bt.runs.symbolic.action_search import find_actions, require_installed
+from mpvi_bt.runs.symbolic.action_search import NoActions, find_actions, require_installed
 from mpvi_bt.runs.symbolic.goal_choice import IMPOSSIBLE, choose_literals
 from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, Actions
 from mpvi_bt.runs.symbolic.plan_sentences import Sentences
+from mpvi_bt.runs.symbolic.reachability import OutOfReach, out_of_reach
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts, told_facts
 
 LIMIT_S = 10.0  # our choice [s of wall time]
@@ -36,7 +37,7 @@ class SymbolicPlanner:
     name = "symbolic"
 
     def __init__(self, task: Task, limit_s: float = LIMIT_S, tell: Callable[[str], None] = lambda line: None) -> None:
-        """`limit_s` bounds each search [s of wall time]; `tell` is told in a line when one took too long.
+        """`limit_s` bounds the search [s of wall time]; `tell` is told if the cheapest plan would take longer.
 
         Raises:
             UserError: The extra is not installed.
@@ -53,13 +54,12 @@ class SymbolicPlanner:
         start = told.start | {("free", hand) for hand in HANDS}
         goal, never = ends(told, wanted)
         actions = Actions(told, wanted, goal).all()
-        possible = start.union(*(action.adds for action in actions))
-        if lost := sorted(goal - possible):
-            raise NoPlan("bad_answer", f"no skill brings {_literal(lost[0])} about{_nearest(lost[0])}", ())
-        found = find_actions(actions, start, goal, never, self._limit_s, self._tell)
-        if found is None:
-            why = f"no actions lead to the goal of {task_name}, or the search took more than {self._limit_s:g} s"
-            raise NoPlan("bad_answer", why, ())
+        if (lost := out_of_reach(actions, start, goal, never)) is not None:
+            raise NoPlan("bad_answer", _why(lost), ())
+        try:
+            found = find_actions(actions, start, goal, never, self._limit_s, self._tell)
+        except NoActions as error:
+            raise NoPlan("bad_answer", f"no plan leads to the goal of {task_name}: {error}", ()) from None
         segments = Sentences(told, start).segments([action for action in found if action.skill])
         if not segments:
             raise NoPlan("nothing_left", "the goal is met at the start", ())
@@ -126,12 +126,19 @@ def _cost(told: ToldFacts, literal: Literal, so: bool) -> float:
     return DRIVE_COST * max(len(rooms), 1) + 2.0
 
 
+def _why(lost: OutOfReach) -> str:
+    """Why a condition cannot be met, in words, with the nearest skill."""
+    if not lost.so:
+        return f"no skill ends {_literal(lost.atom)}"
+    if lost.lacks is not None:
+        return (
+            f"no skill brings {_literal(lost.atom)} about: {lost.skill} needs {_literal(lost.lacks)}, which cannot be"
+        )
+    skill = _SKILL_OF.get(lost.atom[2] if lost.atom[0] == "placed" else lost.atom[0])
+    return f"no skill brings {_literal(lost.atom)} about" + (f"; the nearest skill is {skill}" if skill else "")
+
+
 def _literal(atom: Atom) -> str:
     if atom[0] == "placed":
         return f"{atom[2]}({atom[1]}, {atom[3]})"
     return f"{atom[0]}({', '.join(atom[1:])})"
-
-
-def _nearest(atom: Atom) -> str:
-    skill = _SKILL_OF.get(atom[2] if atom[0] == "placed" else atom[0])
-    return f"; the nearest skill is {skill}" if skill else ""
