@@ -134,7 +134,15 @@ def test_names_are_completed() -> None:
     context = click.Context(click.Command("run"))
     parameter = click.Option(["--policy"])
     items = BackendType("policy").shell_complete(context, parameter, "")
-    assert [item.value for item in items] == ["expert", "reactive", "learned", "openpi:", "vla_eval:", "lerobot:"]
+    assert [item.value for item in items] == [
+        "expert",
+        "reactive",
+        "learned",
+        "openpi:",
+        "vla_eval:",
+        "groot:",
+        "lerobot:",
+    ]
     assert [item.value for item in BackendType("policy").shell_complete(context, parameter, "re")] == ["reactive"]
 
 

@@ -126,7 +126,7 @@ def test_a_client_gets_what_the_methods_get_in_process() -> None:
 def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:
     """The executive, and policies that need no simulator, with the colon where an address follows."""
     done = mpvi(_MPVI_COMPLETE="bash_complete", COMP_WORDS="mpvi serve ", COMP_CWORD="2")
-    offered = ("mpvi", "reactive", "learned:", "openpi:", "vla_eval:", "lerobot:")
+    offered = ("mpvi", "reactive", "learned:", "openpi:", "vla_eval:", "groot:", "lerobot:")
     assert done.stdout.split() == [f"plain,{name}" for name in offered]
 
 

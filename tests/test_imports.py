@@ -42,6 +42,7 @@ ONLY_IN = {
     },
     "lerobot": {"executive/remote/lerobot_policy.py"},
     "transformers": {"finding/perception/grounding_dino.py"},
+    "zmq": {"executive/remote/groot_wire.py"},
     "rerun": {"runs/recording/rerun_log.py"},
     "mcap_ros2": {"runs/recording/mcap_log.py"},
     "pyinstrument": {"runs/recording/profile.py"},
@@ -68,6 +69,7 @@ DISTRIBUTION = {
     "rerun": "rerun-sdk",
     "mcap_ros2": "mcap-ros2-support",
     "unified_planning": "unified-planning",
+    "zmq": "pyzmq",
     "vla_eval": "vla-eval",
     **{name: f"ros-{name.replace('_', '-')}" for name in ("rclpy", *ROS_MESSAGES)},
 }
@@ -92,6 +94,7 @@ HEAVY = (
         "vla_eval",
         "xllamacpp",
         "lerobot",
+        "zmq",
     ),
 )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from mpvi_bt.executive.actions.paced import PacedPolicy
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
 from mpvi_bt.ground.errors import UnknownName
@@ -17,6 +18,8 @@ from mpvi_bt.house.sim.mistaken import MistakenTruth
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.expert import ExpertPolicy
 from mpvi_bt.house.truth.true_scene import Truth
+from mpvi_bt.runs.choices.backends import BACKENDS
+from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,12 @@ def _learned(
     return LearnedPolicy(load_skills(), SegmentationDetector(vocabulary, least_px=1), seed, weights, recovery)
 
 
+def _chosen(world: SimWorld, seed: int, off_m: float, given: str) -> Policy:
+    vocabulary = {e.name: e.phrases for e in world.knowledge()}
+    inputs = PolicyInputs(load_skills(), vocabulary, seed=seed, robot=world.robot.proprioception().robot)
+    return PacedPolicy(make_policy(given, inputs))
+
+
 POLICIES: Mapping[str, Maker] = {
     "expert": Maker(_expert, False),
     "reactive": Maker(_reactive, True),
@@ -61,12 +70,14 @@ POLICIES: Mapping[str, Maker] = {
 
 
 def maker_of(given: str) -> Maker:
-    """The maker of a policy: of a name, or of "learned:FILE.npz", with weights of one's own.
+    """The maker of a policy: of a name, of "learned:FILE.npz", with weights of one's own, or with an address.
 
     Raises:
         UnknownName: There is none.
     """
     name, _, weights = given.partition(":")
+    if weights and name in BACKENDS["policy"] and name not in POLICIES:
+        return Maker(partial(_chosen, given=given), True)
     if name not in POLICIES or (weights and name != "learned"):
         raise UnknownName("policy", given, POLICIES)
     return Maker(partial(_learned, weights=Path(weights)), True) if weights else POLICIES[name]

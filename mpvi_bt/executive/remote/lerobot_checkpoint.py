@@ -154,6 +154,7 @@ def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: R
             raise UserError(f"{called} wants numbers as {key!r}, and of the {robot.name} are sent: {known}; {instead}.")
         if sent[key] != wanted:
             raise UserError(f"{called} wants {wanted} numbers as {key!r}; of the {robot.name} they are {sent[key]}.")
+    pictures: Mapping[str, tuple[int, ...] | None]
     if layout is None:
         pictures = {PICTURES + camera: None for camera in robot.cameras}
     else:

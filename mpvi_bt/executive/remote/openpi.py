@@ -6,20 +6,19 @@ a `PolicyError` with a reason code. A lost connection is made anew a few times; 
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, TypeVar
-from urllib.parse import urlsplit
+from typing import Any
 
 import numpy as np
 
 from mpvi_bt.executive.remote.codec import pack
-from mpvi_bt.executive.remote.connection import KEY, Connection, Lost, one_line
+from mpvi_bt.executive.remote.connection import Connection, one_line
 from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
 from mpvi_bt.executive.remote.observation import Vocabulary, write_observation
+from mpvi_bt.executive.remote.patient_client import PatientClient
+from mpvi_bt.executive.remote.server_address import address_of
 from mpvi_bt.executive.remote.wire_mapping import actions_of, message_of
-from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_layout import KINDS, ActionKind
@@ -31,27 +30,11 @@ DEFAULT = "mpvi"  # settings
 # What metadata call the rate: our own name, LeRobot's, vla-eval's (of its evaluator), robosuite's and openpi's (of its
 # client). No published server of theirs sends one by itself; openpi's sends what its config has as `policy_metadata`.
 RATE_NAMES = ("rate_hz", "fps", "hz", "control_frequency", "control_freq", "max_hz")
-_PAUSE_S = 0.25  # before a lost connection is made anew
-Result = TypeVar("Result")
 
 
 def url_of(address: str) -> str:
     """The websocket's URL of an address. Raises UserError."""
-    form = "An address is ws://HOST:PORT, wss://HOST:PORT or HOST:PORT."
-    try:
-        parts = urlsplit(address if "://" in address else f"ws://{address}")
-        host, port = parts.hostname, parts.port
-        (host or "").encode("idna")
-        if port == 0:
-            raise ValueError("nobody listens at port 0")
-    except ValueError as error:
-        raise UserError(f"{shown(address)} is no address of a policy server: {error}. {form}") from None
-    if parts.username is not None or parts.query or parts.fragment:
-        raise UserError(f"an address has no name, key or query in it. {form} A key is read from {KEY}.")
-    if parts.scheme not in ("ws", "wss") or not host or not address.isprintable() or " " in address:
-        raise UserError(f"{shown(address)} is no address of a policy server. {form}")
-    host = f"[{host}]" if ":" in host else host
-    return f"{parts.scheme}://{host}:{PORT if port is None else port}{parts.path}"
+    return address_of(address, ("ws", "wss"), PORT, path=True)
 
 
 def question(
@@ -77,7 +60,7 @@ def cameras_of(message: Mapping[str, Any], settings: DialectSettings, before: tu
     return before
 
 
-class OpenpiPolicy:
+class OpenpiPolicy(PatientClient[Connection]):
     """A remote policy; it is connected to when it is first needed.
 
     Args:
@@ -112,18 +95,14 @@ class OpenpiPolicy:
         called: str = "",
     ) -> None:
         self._url = url_of(address)
-        self._settings = load_settings(settings) if isinstance(settings, str) else settings
+        told = load_settings(settings) if isinstance(settings, str) else settings
+        super().__init__(f"{self.kind}:{self._url}", told, settings if isinstance(settings, str) else called)
         self._vocabulary = vocabulary
-        self._called = settings if isinstance(settings, str) else called
-        self._answered = False
-        self.name = f"{self.kind}:{self._url}"
         self.cameras: tuple[str, ...] = self._settings.cameras
         self._unheard()
         self.rate_hz: float | None = self._settings.rate_hz
         self.rate_from = self._settings.rate_from
         self.actions: ActionKind = self._settings.actions or "absolute"
-        self.connections = 0
-        self._connection: Connection | None = None
         self._fresh = True
         self._held: Proprioception | None = None
 
@@ -146,49 +125,13 @@ class OpenpiPolicy:
             self._held = observation["proprioception"]
         return self._persist(partial(self._ask, observation, self._held), self._settings.answer_s)
 
-    def close(self) -> None:
-        """End the connection. Safe to call at any time, twice too."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+    def _open(self, deadline: float) -> Connection:
+        return Connection(self._url, deadline, self._settings.max_mb << 20, self.hello())
 
-    def _persist(self, talk: Callable[[Connection, float], Result], seconds: float) -> Result:
-        """What a talk with the server gives; over a new connection if one is lost. Raises PolicyError."""
-        deadline = time.monotonic() + seconds
-        lost: Lost | None = None
-        for more in range(self._settings.tries, -1, -1):
-            try:
-                return talk(self._connected(deadline), deadline)
-            except PolicyError as error:
-                self.close()
-                if not isinstance(error, Lost) or not more:
-                    since = f"{lost}; since then: " if lost else ""
-                    reason = "server_closed" if lost and error.reason == "server_absent" else error.reason
-                    raise PolicyError(reason, f"{self.name}: {since}{error}{self._doubt(error.reason)}") from None
-                lost = error
-                time.sleep(_PAUSE_S)
-            except BaseException:  # a question without its answer: what came next would answer another
-                self.close()
-                raise
-        raise AssertionError("unreachable")
-
-    def _doubt(self, reason: str) -> str:
-        """A hint that the settings may not fit, if a server refused the first observation without a reason."""
-        if self._answered or reason not in ("server_error", "server_closed") or not self.connections:
-            return ""
-        others = ", ".join(name for name in paths.names("policies") if name != self._called)
-        mine = f"settings {self._called}" if self._called else "settings"
-        return f". It has answered nothing yet: the {mine} may not fit it (--policy-settings: {others}, or your own)"
-
-    def _connected(self, deadline: float) -> Connection:
-        if self._connection is None:
-            until = min(deadline, time.monotonic() + self._settings.connect_s)
-            self._connection = Connection(self._url, until, self._settings.max_mb << 20, self.hello())
-            self.connections += 1
-            self.cameras = self._settings.cameras
-            self._hear(self._connection.metadata)
-            self._hear_rate(self.about())
-        return self._connection
+    def _meet(self, connection: Connection, deadline: float) -> None:
+        self.cameras = self._settings.cameras
+        self._hear(connection.metadata)
+        self._hear_rate(self.about())
 
     def about(self) -> Mapping[str, Any]:
         """What the server says of itself."""

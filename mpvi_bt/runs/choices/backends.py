@@ -121,6 +121,12 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             sees=True,
             factory="mpvi_bt.runs.choices.policies:vla_eval",
         ),
+        "groot": Backend(
+            "a policy server of GR00T's",
+            address="tcp://HOST:PORT",
+            sees=True,
+            factory="mpvi_bt.runs.choices.policies:groot",
+        ),
         "lerobot": Backend(
             "a checkpoint of LeRobot's, in this process",
             address="FOLDER",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mpvi_bt.finding.scene.free_space import Standing
     from mpvi_bt.hands.policies.scripted_policy import ScriptedPolicy
 
-_REMOTE = (":openpi", ":vla_eval", ":lerobot")  # factories of policies whose rate others say
+_REMOTE = (":openpi", ":vla_eval", ":lerobot", ":groot")  # factories of policies whose rate others say
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,9 @@ def rate_doubt(config: EpisodeConfig) -> str:
 
 
 def _default_settings(policy: str) -> str:
-    from mpvi_bt.executive.remote import openpi, vla_eval
+    from mpvi_bt.executive.remote import groot, openpi, vla_eval
 
-    return {"openpi": openpi.DEFAULT, "vla_eval": vla_eval.DEFAULT}[policy]
+    return {"openpi": openpi.DEFAULT, "vla_eval": vla_eval.DEFAULT, "groot": groot.DEFAULT}[policy]
 
 
 def disturbed(policy: Policy, config: EpisodeConfig, skills: Mapping[str, Skill], things: Sequence[str]) -> Policy:
@@ -339,6 +339,14 @@ def vla_eval(ground: PolicyInputs, address: str, settings: str | None) -> Policy
 
     called = settings or DEFAULT
     return VlaEvalPolicy(address, settings_for(called, ground.task, ground.robot), ground.vocabulary, called)
+
+
+def groot(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
+    """Behind GR00T's policy server."""
+    from mpvi_bt.executive.remote.groot import DEFAULT, GrootPolicy
+
+    called = settings or DEFAULT
+    return GrootPolicy(address, settings_for(called, ground.task, ground.robot), called)
 
 
 def lerobot(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
