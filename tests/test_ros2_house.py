@@ -18,6 +18,7 @@ pytest.importorskip("rclpy")
 
 from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.ground.errors import RobotError
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.episode import run
@@ -29,6 +30,7 @@ from tests.loopback import alone
 
 pytestmark = [pytest.mark.slow, pytest.mark.render]
 
+SIX_JOINTS = Path(__file__).parent.parent / "examples" / "six_joints" / "robot.yaml"
 _BEGIN_S, _END_S = 180.0, 120.0  # of a busy machine
 
 
@@ -105,6 +107,25 @@ def test_a_house_that_nobody_drives_ends(tmp_path: Path) -> None:
     """It waits as long as it was told to, scores, and says why."""
     with house(tmp_path, "picking_up_trash", "--wait", "0.5") as process:
         assert result_of(tmp_path, "picking_up_trash", process)["ended"] == "no_bridge"
+
+
+@pytest.mark.rare
+def test_a_robot_of_a_file_drives_over_ros(tmp_path: Path) -> None:
+    """Two wheels, by the robot's file, its URDF and a bridge alone: it finds the sofa and drives there."""
+    robot = robot_named(str(SIX_JOINTS))
+    (tmp_path / "there.yaml").write_text("{tree: there, root: {navigate: sofa}}")
+    config = EpisodeConfig(
+        "", tree=str(tmp_path / "there.yaml"), robot=str(SIX_JOINTS), policy="reactive", map="online",
+        detector="segmentation",
+    )  # fmt: skip
+    with house(tmp_path, "picking_up_trash", "--robot", str(SIX_JOINTS)) as process:
+        bridge = load_bridge("house", robot)
+        played = play_on_robot(ServedWork(config, "", tmp_path), bridge, robot, True, lambda line: None)
+        told = result_of(tmp_path, "picking_up_trash", process)
+    assert played["success"], played
+    assert told["agent_distance"]["base"] > 0.5
+    assert told["q_score"]["final"] == 0.0
+    assert {topic["lost"] for topic in told["messages"]["commands"].values()} == {0}
 
 
 @pytest.mark.rare

@@ -66,7 +66,7 @@ def played(folder: Path, out: dict[str, Any], tree: str = TREE, mcap: Path | Non
 
 def until(ready: Callable[[], object], out: dict[str, Any]) -> None:
     """Wait until it is so. Asserts that it becomes so before the run ends by an error."""
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + 120.0  # a process may take long to begin
     while not ready():
         assert "error" not in out, out
         assert time.monotonic() < end

@@ -12,17 +12,20 @@ from benchmarks.rows import append, lines_of
 
 @click.group(invoke_without_command=True)
 @click.option("--task", "tasks", multiple=True, help="Only this; may be repeated.")
+@click.option("--mcap", is_flag=True, help="Record each episode over ROS 2 into TASK.mcap, too.")
 @click.option("--domain", type=int, default=63, show_default=True, help="ROS_DOMAIN_ID.")
 @click.option("--out", type=click.Path(path_type=Path), default="runs/ros2_benchmark", show_default=True)
 @click.pass_context
-def main(ctx: click.Context, tasks: tuple[str, ...], domain: int, out: Path) -> None:
+def main(ctx: click.Context, tasks: tuple[str, ...], mcap: bool, domain: int, out: Path) -> None:
     """Play tasks by `mpvi run` and by `mpvi ros2` in `mpvi ros2 house`; what is in the folder is not played again."""
     if ctx.invoked_subcommand is not None:
         return
     lines = []
     for task in tasks or episodes.TASKS:
-        house, bridge = episodes.played_over_ros(task, out, domain)
+        house, bridge = episodes.played_over_ros(task, out, domain, mcap)
         lines += episodes.rows(task, episodes.played_here(task, out), house, bridge)
+        if mcap:
+            click.echo(f"{task}.mcap: {(out / f'{task}.mcap').stat().st_size / 1e6:.1f} MB")
     click.echo(episodes.table(lines))
 
 

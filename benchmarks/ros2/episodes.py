@@ -39,8 +39,8 @@ def played_here(task: str, out: Path) -> dict[str, Any]:
     return dict(json.loads(path.read_text()))
 
 
-def played_over_ros(task: str, out: Path, domain: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """By `mpvi ros2` in the house of `mpvi ros2 house`: the results of both."""
+def played_over_ros(task: str, out: Path, domain: int, mcap: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+    """By `mpvi ros2` in the house of `mpvi ros2 house`, perhaps recorded: the results of both."""
     house_file, bridge_file = out / f"{task}_0_house.json", out / f"{task}_ros2.json"
     if not (house_file.exists() and bridge_file.exists()):
         click.echo(f"{task}: mpvi ros2", err=True)
@@ -51,6 +51,7 @@ def played_over_ros(task: str, out: Path, domain: int) -> tuple[dict[str, Any], 
         ) as house:  # fmt: skip
             words = [*_MPVI, "ros2", "--robot", "r1", "--bridge", "house", "--task", task, "--allow-motion"]
             words += ["--policy", "reactive", "--map", "online", "--no-watch", "--out", str(out)]
+            words += ["--mcap", str(out / f"{task}.mcap")] if mcap else []
             try:
                 assert house.stderr is not None
                 while "ready" not in house.stderr.readline() and house.poll() is None:
