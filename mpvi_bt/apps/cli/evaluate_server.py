@@ -10,6 +10,7 @@ import click
 
 from mpvi_bt.apps.cli.argument_types import Name, check_writable, out_folder
 from mpvi_bt.apps.cli.status import Status
+from mpvi_bt.apps.cli.work_options import assisted, robot_option, seconds, tell_goal
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 
@@ -35,14 +36,7 @@ EVERY_S = 0.5  # the status line is drawn anew
     multiple=True,
     help="Start state; may be repeated.  [default: 0]",
 )
-@click.option(
-    "--robot",
-    type=Name("robots", file=True),
-    default="r1pro",
-    show_default=True,
-    metavar="NAME",
-    help="Robot in the house.",
-)
+@robot_option("Robot in the house, or its file.", "r1pro")
 @click.option(
     "--batched/--unbatched",
     default=None,
@@ -51,22 +45,14 @@ EVERY_S = 0.5  # the status line is drawn anew
 @click.option("--chunk", type=click.IntRange(1, 1024), metavar="K", help="Ask for K actions at once; not in 2025.")
 @click.option("--labels", is_flag=True, help="Send labels of pictures; no real evaluator does.")
 @click.option("--on-demand", is_flag=True, help="Send only pictures that the server asks for; evaluators send all.")
-@click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand, as BEHAVIOR does.")
+@assisted
 @click.option(
     "--max-steps",
     type=click.IntRange(min=1),
     metavar="N",
     help="Time limit of an episode.  [default: by human demonstrations]",
 )
-@click.option(
-    "--wait",
-    "wait_s",
-    type=click.FloatRange(min=0),
-    default=60.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="Longest wait for the server to start.",
-)
+@seconds("--wait", 60.0, "Longest wait for the server to start.")
 @out_folder("runs/evaluated", "Folder of the results, in the evaluator's layout.")
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_json: bool, **given: Any) -> int:
@@ -93,9 +79,7 @@ def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_
         tell(json.dumps([{"ended": rollout.ended, **rollout.result} for rollout in rollouts], indent=2))
     else:
         for rollout in rollouts:
-            for condition in rollout.goal.conditions:
-                tell(f"  {'x' if condition.satisfied else ' '} {condition.text}")
-            tell(f"{rollout.task}, instance {rollout.instance}: q = {rollout.goal.q:.3f}, {rollout.ended}")
+            tell_goal(rollout.task, rollout.instance, rollout.goal, rollout.ended)
     return 0 if all(rollout.goal.satisfied for rollout in rollouts) else 1
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from mpvi_bt.apps.cli.argument_types import File, arguments, complete_param
+from mpvi_bt.apps.cli.argument_types import File, arguments
+from mpvi_bt.apps.cli.setting_options import parameters
 from mpvi_bt.executive.drawing.cells import WIDEST, WIDTH
 from mpvi_bt.executive.drawing.terminal import give, results, size
 from mpvi_bt.ground import paths
@@ -61,14 +62,7 @@ class _Drawing:
 @click.option(
     "--width", type=click.IntRange(20, 1000), help="Columns of text.  [default: the terminal's, up to 120, or 80]"
 )
-@click.option(
-    "--param",
-    "params",
-    multiple=True,
-    metavar="NAME=VALUE",
-    shell_complete=complete_param,
-    help="Fill in a parameter of the tree.",
-)
+@parameters
 @click.option("--tick", type=click.IntRange(min=0), help="Tick of a trace to draw.  [default: the last]")
 @click.option("--json", "as_json", is_flag=True, help="For programs: every node with its path, depth and state.")
 def render(

@@ -10,15 +10,12 @@ from typing import Any
 import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
-from mpvi_bt.apps.cli.argument_types import Name, arguments, check_writable, complete_param, out_folder
+from mpvi_bt.apps.cli.argument_types import Name, check_writable, out_folder
 from mpvi_bt.apps.cli.examples import with_examples
 from mpvi_bt.apps.cli.score import brief_score
-from mpvi_bt.apps.cli.setting_options import method, settings
+from mpvi_bt.apps.cli.work_options import ELSEWHERE, robot_option, work, work_of
 from mpvi_bt.executive.drawing.terminal import results, tell
 from mpvi_bt.ground.errors import BackendError
-from mpvi_bt.runs.choices.config import ASKING, METHOD, EpisodeConfig
-
-_HERE = [name for name in METHOD if name not in ("robot", "sim", "assisted")]  # no simulator is here
 
 
 class _WithHouse(click.Group):
@@ -36,31 +33,18 @@ class _WithHouse(click.Group):
         return with_examples(command, "ros2 house")
 
 
-# What needs neither a simulator nor a known house.
 @click.group(
     cls=_WithHouse,
     invoke_without_command=True,
     subcommand_metavar="[house [ARGS]...]",
-    context_settings={"default_map": {"map": "online", "policy": "reactive"}},
+    context_settings=ELSEWHERE,
 )
-@click.option("--robot", type=Name("robots", file=True), metavar="NAME", help="The robot, by name or file.")
+@robot_option("The robot, by name or file.")
 @click.option(
     "--bridge", type=Name("bridges", file=True), metavar="NAME", help="Its topics: a bridge, by name or file."
 )
 @click.option("--allow-motion", is_flag=True, help="Send commands; without it nothing moves.")
-@click.option("--task", type=Name("tasks/plans"), help="Task to do.")
-@click.option("--instruction", default="", metavar="TEXT", help="Instruction to carry out, in place of a task.")
-@click.option(
-    "--param",
-    "params",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Fill in a parameter of the tree.",
-    shell_complete=complete_param,
-)
-@settings("tree", "plan", "seed", "mcap")
-@method("robot", *_HERE)
-@settings(*_HERE, *ASKING)
+@work("Task to do.", "Instruction to carry out, in place of a task.", "seed", "mcap")
 @out_folder("runs", "Folder of result and trace.")
 @click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
@@ -82,9 +66,6 @@ def _run(
     robot: str | None,
     bridge: str | None,
     allow_motion: bool,
-    instruction: str,
-    params: tuple[str, ...],
-    out: Any,
     watch: bool,
     as_json: bool,
     **executive: Any,
@@ -94,11 +75,8 @@ def _run(
             raise click.UsageError(f"Missing option '{option}'.")
     assert robot is not None
     assert bridge is not None
-    task = executive.pop("task") or ""
-    if not (task or instruction or executive["tree"] or executive["plan"]):
+    if not any(executive[name] for name in ("task", "instruction", "tree", "plan")):
         raise click.UsageError("Nothing to do: give --task, --instruction or --tree.")
-    if task and instruction:
-        raise click.UsageError("--task and --instruction both set the work: give only one of them.")
     from mpvi_bt.ground.robot.robots import robot_named
     from mpvi_bt.runs.ros2.bridge_file import load_bridge
     from mpvi_bt.runs.ros2.ros_packages import require_ros
@@ -110,17 +88,15 @@ def _run(
     from mpvi_bt.executive.ticking.loop import Subscriber
     from mpvi_bt.runs.recording.mcap_log import require_mcap
     from mpvi_bt.runs.ros2.ros_episode import play_on_robot
-    from mpvi_bt.runs.serving.served import ServedWork
 
-    check_writable(out)
+    done = work_of(robot=robot, **executive)
     if executive["mcap"]:
         require_mcap()
         check_writable(executive["mcap"].parent)
-    config = EpisodeConfig(task, robot=robot, arguments=tuple(arguments(params).items()), **executive)
     watchers: list[Subscriber] = []
     if watch:
         watchers.append(LiveTree(sys.stderr if as_json else results(), f"{robot} over ROS 2"))
-    result = play_on_robot(ServedWork(config, instruction, out), topics, model, allow_motion, _note, watchers)
+    result = play_on_robot(done, topics, model, allow_motion, _note, watchers)
     tell(json.dumps(result, indent=2) if as_json else brief_score(result, False, None, None))
     if result["ended"] == "interrupted":
         return INTERRUPTED

@@ -10,6 +10,7 @@ import click
 
 from mpvi_bt.apps.cli.argument_types import File, Name, check_writable, out_folder
 from mpvi_bt.apps.cli.status import Status
+from mpvi_bt.apps.cli.work_options import assisted, robot_option, seconds, tell_goal
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.executive.ticking.stop import Stop
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
@@ -18,34 +19,11 @@ from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 @click.command()
 @click.argument("task", type=Name("tasks"))
 @click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state.")
-@click.option(
-    "--robot",
-    type=Name("robots", file=True),
-    default=DEFAULT_ROBOT,
-    show_default=True,
-    metavar="NAME",
-    help="Robot in the house, or its file.",
-)
+@robot_option("Robot in the house, or its file.", DEFAULT_ROBOT)
 @click.option("--bridge", type=File("bridges"), default="house", show_default=True, help="Bridge file to answer to.")
-@click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand, as BEHAVIOR does.")
-@click.option(
-    "--wait",
-    "wait_s",
-    type=click.FloatRange(min=0),
-    default=60.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="Longest wait for a bridge to start.",
-)
-@click.option(
-    "--patience",
-    "patience_s",
-    type=click.FloatRange(min=0),
-    default=120.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="Longest wait for the answer to a state, with a bridge in lockstep.",
-)
+@assisted
+@seconds("--wait", 60.0, "Longest wait for a bridge to start.")
+@seconds("--patience", 120.0, "Longest wait for the answer to a state, with a bridge in lockstep.")
 @click.option(
     "--stream",
     "stream_hz",
@@ -88,7 +66,5 @@ def house(as_json: bool, out: Any, **given: Any) -> int:
     if as_json:
         tell(json.dumps(episode.result, indent=2))
     else:
-        for condition in episode.goal.conditions:
-            tell(f"  {'x' if condition.satisfied else ' '} {condition.text}")
-        tell(f"{session.task}, instance {session.instance}: q = {episode.goal.q:.3f}, {episode.ended}")
+        tell_goal(session.task, session.instance, episode.goal, episode.ended)
     return 0 if episode.goal.satisfied else 1

@@ -13,21 +13,12 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from mpvi_bt.apps.cli.argument_types import (
-    BackendType,
-    Name,
-    arguments,
-    check_writable,
-    complete_param,
-    given_here,
-    out_folder,
-)
-from mpvi_bt.apps.cli.setting_options import method, settings
+from mpvi_bt.apps.cli.argument_types import BackendType, given_here, out_folder
 from mpvi_bt.apps.cli.status import Status
+from mpvi_bt.apps.cli.work_options import ELSEWHERE, robot_option, work, work_of
 from mpvi_bt.executive.drawing.terminal import tell
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.runs.choices.backends import BACKENDS, choose
-from mpvi_bt.runs.choices.config import ASKING, METHOD, EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.executive.remote.server import SocketServer
@@ -35,7 +26,6 @@ if TYPE_CHECKING:
 EVERY_S = 1.0  # the status line is drawn anew
 EXECUTIVE = "mpvi"  # in the place of a policy
 _OF_POLICIES = ("what", "host", "port", "seed", "idle_s", "policy_settings", "policy_rate", "policy_actions", "as_json")
-_HERE = [name for name in METHOD if name not in ("robot", "sim", "assisted")]  # no simulator is here
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -56,8 +46,7 @@ class _Served(BackendType):
         return value if value == EXECUTIVE else super().convert(value, param, ctx)
 
 
-# What the executive is run with where nothing else is said: what needs neither a simulator nor a known house.
-@click.command(context_settings={"default_map": {"map": "online", "policy": "reactive"}})
+@click.command(context_settings=ELSEWHERE)
 @click.argument("what", metavar="POLICY", type=_Served("policy"), shell_complete=_complete)
 @click.option(
     "--host",
@@ -82,27 +71,8 @@ class _Served(BackendType):
     type=click.Choice(["behavior-2025", "behavior-2026", "openpi"]),
     help="Protocol of the executive's clients; policies use openpi's.",
 )
-@click.option(
-    "--robot",
-    type=Name("robots", file=True),
-    default="r1pro",
-    show_default=True,
-    metavar="NAME",
-    help="Robot of the client, by name or file.",
-)
-@click.option("--task", type=Name("tasks/plans"), help="Task, in place of the observations' task.")
-@click.option("--instruction", default="", metavar="TEXT", help="Instruction, in place of the task's.")
-@click.option(
-    "--param",
-    "params",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Fill in a parameter of that tree.",
-    shell_complete=complete_param,
-)
-@settings("tree", "plan")
-@method("robot", *_HERE)
-@settings(*_HERE, *ASKING)
+@robot_option("Robot of the client, by name or file.", "r1pro")
+@work("Task, in place of the observations' task.", "Instruction, in place of the task's.")
 @out_folder("runs", "Folder of the executive's results and traces.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: the address, and a summary at the end.")
 def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bool, **executive: Any) -> int:
@@ -160,18 +130,11 @@ def _policy(policy: str, told: Sequence[Any], seed: int, idle_s: float, key: str
 
 
 def _executive(given: dict[str, Any], seed: int, key: str, status: Status) -> SocketServer:
-    from mpvi_bt.runs.serving.served import ServedWork, executive_server
+    from mpvi_bt.runs.serving.served import executive_server
 
-    protocol, instruction, out = given.pop("protocol"), given.pop("instruction"), given.pop("out")
-    if protocol is None:
+    if (protocol := given.pop("protocol")) is None:
         raise click.UsageError("mpvi serve mpvi wants --protocol: behavior-2025, behavior-2026 or openpi.")
-    if given["task"] and instruction:
-        raise click.UsageError("--task and --instruction both set the work: give only one of them.")
-    config = EpisodeConfig(
-        given.pop("task") or "", seed=seed, arguments=tuple(arguments(given.pop("params")).items()), **given
-    )
-    check_writable(out)
-    return executive_server(protocol, ServedWork(config, instruction, out), key, status.say)
+    return executive_server(protocol, work_of(seed=seed, **given), key, status.say)
 
 
 def _reason(error: OSError) -> str:

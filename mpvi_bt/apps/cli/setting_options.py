@@ -30,7 +30,12 @@ def settings(*names: str) -> Callable[[Any], Any]:
 
 def shared(command: Any) -> Any:
     """Options shared by one episode and all episodes of a suite, with those of their trees' parameters."""
-    command = click.option(
+    return method(*METHOD)(settings(*SHARED)(parameters(command)))
+
+
+def parameters(command: Any) -> Any:
+    """The option for the parameters of a tree."""
+    return click.option(
         "--param",
         "params",
         multiple=True,
@@ -38,7 +43,6 @@ def shared(command: Any) -> Any:
         help="Fill in a parameter of the tree.",
         shell_complete=complete_param,
     )(command)
-    return method(*METHOD)(settings(*SHARED)(command))
 
 
 def _option(name: str) -> Callable[[Any], Any]:
