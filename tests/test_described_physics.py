@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.described import DescribedRobot
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.robot_reading import read_robot
 from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.house.sim.described_physics import described_physics
 from mpvi_bt.house.sim.world import SimWorld
 from tests.small_house import placed, small_house
 
@@ -76,3 +80,12 @@ def test_the_gripper_holds_a_thing_while_the_base_drives() -> None:
     assert made.holding("right") == "can"
     assert felt.gripper_width["right"] > robot().grasp_m
     assert made.pose("can")[0, 3] - middle[0, 3] == pytest.approx(felt.base_pose[0], abs=0.03)
+
+
+def test_a_gripper_without_fingers_is_refused(tmp_path: Path) -> None:
+    """In a line; there is nothing that could hold a thing."""
+    shutil.copy(FILE.with_suffix(".urdf"), tmp_path)
+    text = FILE.read_text().replace("joints: [left_finger]", "joints: []\n    opening_m: 0.08")
+    (tmp_path / "robot.yaml").write_text(text)
+    with pytest.raises(UserError, match="the right gripper of robot has no joints"):
+        described_physics(read_robot(tmp_path / "robot.yaml"))

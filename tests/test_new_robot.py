@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mpvi_bt
@@ -18,6 +20,7 @@ FILES = [
     ROOT / "examples/four_joints/robot.yaml",
 ]
 STILL = "head_pan_joint"
+SIX = ROOT / "examples" / "six_joints" / "robot.urdf"
 URDF = ROOT / "examples" / "four_joints" / "robot.urdf"
 
 
@@ -43,6 +46,67 @@ def test_each_guess_is_said_in_the_file_and_on_the_screen(tmp_path: Path, mpvi: 
     comments = [line[2:] for line in (tmp_path / "robots/quite_new.yaml").read_text().splitlines() if line[:1] == "#"]
     assert len(comments) > 3
     assert set(comments[1:]) <= set(done.stdout.splitlines())
+
+
+def without_fingers(folder: Path) -> Path:
+    """The URDF of the arm with six joints, its fingers fixed."""
+    text = re.sub(r'(<joint name="\w*finger" type=)"prismatic"', r'\1"fixed"', SIX.read_text())
+    file = folder / "bare.urdf"
+    file.write_text(re.sub(r'<mimic joint="left_finger"/>', "", text))
+    return file
+
+
+def test_an_arm_without_fingers_is_found_by_its_joints(tmp_path: Path) -> None:
+    """Such as one whose gripper has a driver of its own: how wide that opens is guessed, and said."""
+    made = new_robot("quite_new", without_fingers(tmp_path), tmp_path)
+    (written,) = made.write(tmp_path)
+    assert mpvi_bt.check(written) == []
+    robot = read_robot(written)
+    assert robot.arm_joints["right"] == read_robot(SIX.with_suffix(".yaml")).arm_joints["right"]
+    assert (robot.finger_joints["right"], robot.opening_m) == ((), 0.08)
+    assert any("the URDF has no joint of a finger" in line for line in made.remarks)
+
+
+def test_a_gripper_without_joints_has_to_say_how_wide_it_opens(tmp_path: Path) -> None:
+    """By the line of the gripper."""
+    (written,) = new_robot("quite_new", without_fingers(tmp_path), tmp_path).write(tmp_path)
+    written.write_text(written.read_text().replace("    opening_m: 0.08\n", ""))
+    (problem,) = mpvi_bt.check(written)
+    assert "without joints it needs `opening_m`" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("mesh", "scale", "outline"),
+    [
+        ("box.stl", 0.01, [[0.35, -0.2], [0.35, 0.2], [-0.35, 0.2], [-0.35, -0.2]]),
+        ("text.stl", 0.01, [[0.35, -0.2], [0.35, 0.2], [-0.35, 0.2], [-0.35, -0.2]]),
+        ("box.obj", 0.01, [[0.35, -0.2], [0.35, 0.2], [-0.35, 0.2], [-0.35, -0.2]]),
+        ("box.obj", 0.004, 0.3),
+        ("cut.stl", 0.01, 0.3),
+        ("no.dae", 0.01, 0.3),
+    ],
+)
+def test_a_footprint_is_that_of_the_meshes_of_the_base(
+    mesh: str, scale: float, outline: float | list[list[float]], tmp_path: Path
+) -> None:
+    """Corners of a box of 70 x 40 cm; where a mesh cannot be read, or is as small as an arm's foot, it is guessed."""
+    corners = np.array([[x, y, z] for x in (-35, 35) for y in (-20, 20) for z in (0, 10)], "<f4")
+    rows = np.zeros(4, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    rows["corners"] = corners[[[0, 1, 2], [3, 4, 5], [5, 6, 7], [0, 6, 7]]]
+    binary = bytes(80) + (4).to_bytes(4, "little") + rows.tobytes()
+    (tmp_path / "box.stl").write_bytes(binary)
+    (tmp_path / "cut.stl").write_bytes(binary[:-9])
+    words = [" ".join(f"{x:.3e}" for x in corner) for corner in corners]
+    (tmp_path / "text.stl").write_text("solid box\n" + "".join(f"  vertex {word}\n" for word in words))
+    (tmp_path / "box.obj").write_text("".join(f"v {word}\n" for word in words) + "f 1 2 3\n")
+    shape = f'<visual><geometry><mesh filename="{mesh}" scale="{scale} {scale} {scale}"/></geometry></visual>'
+    link = '<link name="base_link"/><link name="eye_camera"/><joint name="eye" type="fixed">'
+    link += '<parent link="base_link"/><child link="eye_camera"/></joint>'
+    urdf = tmp_path / "box.urdf"
+    urdf.write_text(f'<robot name="box">{link}</robot>'.replace('"base_link"/>', f'"base_link">{shape}</link>', 1))
+    (written,) = new_robot("quite_new", urdf, tmp_path).write(tmp_path)
+    base = read_robot(written).base
+    assert np.allclose(base.corners if len(base.corners) else base.radius_m, outline)
 
 
 def test_what_is_left_to_fill_in_is_said(tmp_path: Path, mpvi: Shell) -> None:

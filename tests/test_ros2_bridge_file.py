@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from mpvi_bt.ground.errors import FileProblems, UnknownName
 from mpvi_bt.ground.marked_yaml import load_marked
+from mpvi_bt.ground.robot.robot_reading import read_robot
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 from mpvi_bt.runs.ros2.bridge_file import check_bridge, joint_names, load_bridge
 
@@ -102,3 +105,18 @@ def test_an_unknown_bridge_is_told_with_the_nearest() -> None:
 def test_the_bridges_of_the_examples_can_be_read(file: Path) -> None:
     """Their robots are the reader's own; what can be said without them is right."""
     assert check_bridge(*load_marked(file)).state_topics
+
+
+def test_a_gripper_has_joints_by_its_robot_or_by_its_bridge(written, tmp_path: Path) -> None:
+    """Of a robot whose URDF has no fingers the bridge file has to name what its driver calls them."""
+    home = Path("examples/six_joints")
+    shutil.copy(home / "robot.urdf", tmp_path)
+    text = (home / "robot.yaml").read_text().replace("joints: [left_finger]", "joints: []\n    opening_m: 0.08")
+    (tmp_path / "robot.yaml").write_text(text)
+    robot = read_robot(tmp_path / "robot.yaml")
+    bridge = re.sub("  - .*torso.*\n", "", GOOD).replace(", open: 0.05", "")
+    bridge = bridge.replace("cameras:\n", "cameras:\n  right: { color: /c, depth: /d, info: /i }\n")
+    with pytest.raises(FileProblems, match="names no joints of its right gripper: give 'joints'"):
+        load_bridge(written(bridge), robot)
+    bridge = bridge.replace("/gripper_controller", "/gripper_controller, joints: [driven_finger]")
+    assert load_bridge(written(bridge), robot).fingers["right"].ends.tolist() == [[0.0, 0.08]]

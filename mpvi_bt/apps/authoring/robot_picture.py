@@ -38,7 +38,7 @@ def robot_picture(robot: DescribedRobot) -> Picture:
         for side in robot.sides
     }
     points = np.concatenate([
-        *(points for link in links for points in link.shapes), *cones.values(), _floor(robot.base.outline),
+        *(points for link in links for points in link.shapes), *cones.values(), _floor(_clear(robot)),
         *(places for of in reached.values() for places in of.values()),
     ])  # fmt: skip
     low, high = points.min(0) - _MARGIN_M, points.max(0) + _MARGIN_M
@@ -79,6 +79,12 @@ def _floor(outline: Array) -> Array:
     return np.column_stack([outline, np.zeros(len(outline))])
 
 
+def _clear(robot: DescribedRobot) -> Array:
+    """(n, 2) the outline of what its base keeps clear."""
+    base = robot.base
+    return base.outline if len(base.corners) else base.outline * max(1.0, base.folded_m / base.radius_m)
+
+
 def _draw_links(panel: RobotPanel, view: View, links: list[DrawnLink]) -> None:
     """Primitives, the nearest last; of a robot that has none, lines from link to link."""
     toward = {"side": (1, -1.0), "above": (2, 1.0)}[view]
@@ -93,8 +99,8 @@ def _draw_base(panel: RobotPanel, robot: DescribedRobot) -> None:
     """Its outline, what it keeps clear, and where it is headed."""
     base = robot.base
     panel.outline(_floor(base.outline), _BASE)
-    if not len(base.corners) and base.folded_m > base.radius_m:
-        panel.outline(_floor(base.outline * base.folded_m / base.radius_m), _BASE, dashed=True)
+    if base.folded_m > base.radius_m:
+        panel.outline(_floor(_clear(robot)), _BASE, dashed=True)
     panel.arrow(np.zeros(3), np.array([float(base.outline[:, 0].max()), 0.0, 0.0]), _BASE)
 
 
@@ -122,7 +128,7 @@ def _name_parts(
         panel.name(place, f"reach of the {side} tcp", _ARM[side], below=low)
     if view == "above":
         long, wide = np.ptp(robot.base.outline, axis=0)
-        lowest = min(float(robot.base.outline[:, 1].min()), 0.0 if len(robot.base.corners) else -robot.base.folded_m)
+        lowest = float(_clear(robot)[:, 1].min())
         size = f"{long:.2f} x {wide:.2f} m" if len(robot.base.corners) else f"radius {robot.base.radius_m:g} m"
         panel.name(
             np.array([float(robot.base.outline[:, 0].min()), lowest, 0.0]), f"footprint: {size}", _BASE, below=True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ def robot_sheet(robot: DescribedRobot, file: Path) -> dict[str, Any]:
         "robot": robot.name,
         "about": str(load_marked(file)[0].get("about", "")),
         "file": str(file),
-        "urdf": robot.tree.file,
+        "urdf": os.path.normpath(robot.tree.file),
         "base": _base(robot),
         "torso": _torso(robot),
         "arms": {side: _arm(robot, side) for side in robot.sides},

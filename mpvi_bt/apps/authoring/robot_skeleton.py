@@ -12,12 +12,13 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
+from mpvi_bt.apps.authoring.robot_shapes import link_points
 from mpvi_bt.apps.authoring.skeletons import Skeleton, checked_name
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.base_reading import base_link
-from mpvi_bt.ground.robot.kinematic_chain import BaseFrame, placed
+from mpvi_bt.ground.robot.kinematic_chain import BaseFrame
 from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.robots import FOLDER
 from mpvi_bt.ground.robot.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
@@ -27,9 +28,12 @@ _WHEEL = re.compile("wheel|caster|roller|steer")
 _FINGER = re.compile("finger|gripper|jaw|knuckle|thumb")
 _TORSO = re.compile("torso|waist|spine|trunk|lift_?joint|column")
 _CAMERA = re.compile("camera|optical|rgb|realsense|kinect")
-_TCP = re.compile("tcp|eef|tool|grasp")
+_TCP = re.compile("tcp|eef|end_effector|tool|grasp")
 _RADIUS_M, _SPEED, _TURN = 0.3, 0.5, 1.0  # our choice, where a URDF tells nothing: of a slow indoor base
 _JOINT_SPEED, _OPENING_M, _FOV_RAD = 1.0, 0.08, 0.75  # our choice likewise
+_LEAST_M = 0.2  # our choice: no base with an arm is smaller; the foot of an arm is
+_BOXY = 0.9  # our choice: of the circle about a base, a box that is smaller is its outline
+_ARM_JOINTS = 4  # our choice: a way with fewer moving joints is no arm, but a head or a leg
 
 
 def new_robot(name: str, urdf: Path, root: Path, base: BaseKind | None = None) -> Skeleton:
@@ -63,7 +67,7 @@ class _Guess:
 
     def content(self, base: BaseKind | None) -> dict[str, Any]:
         """All of the file but the URDF's name."""
-        hands = self._hands()
+        hands = self._hands() or self._bare_hands()
         ways = {hand: [j for j in self._way(hand) if j.moves and not _WHEEL.search(j.name.lower())] for hand in hands}
         torso = self._torso(list(ways.values()))
         arms = {hand: [joint for joint in way if joint not in torso] for hand, way in ways.items()}
@@ -78,9 +82,13 @@ class _Guess:
         if sides:
             by_side = sorted(sides.items(), key=lambda item: SIDES.index(item[1]))
             found["arms"] = {side: self._group(arms[hand]) for hand, side in by_side}
+            self.said.append("arms: no travel posture is in a URDF, so that it drives with all joints at or next to 0")
             found["grippers"] = {side: self._gripper(side, hand, hands[hand]) for hand, side in by_side}
         else:
-            self.said.append("arms: none, as no joint of a gripper was found by its name (finger, gripper, jaw)")
+            self.said.append(
+                "arms: none: no joint of a gripper was found by its name (finger, gripper, jaw), and no single way of "
+                f"{_ARM_JOINTS} joints or more"
+            )
         return found
 
     def _way(self, link: str) -> list[UrdfJoint]:
@@ -99,6 +107,16 @@ class _Guess:
                 if len(way) < 2 or not _FINGER.search(f"{way[-2].name} {way[-2].child}".lower()):
                     found.setdefault(joint.parent, []).append(joint)
         return found
+
+    def _bare_hands(self) -> dict[str, list[UrdfJoint]]:
+        """The last links of one or two ways with as many joints as an arm has, each without a finger that moves."""
+        ends: dict[str, list[UrdfJoint]] = {}
+        for link in self._tree.links:
+            moving = [joint for joint in self._way(link) if joint.moves and not _WHEEL.search(joint.name.lower())]
+            below = (joint for joint in self._tree.joints.values() if joint.moves and joint not in moving)
+            if len(moving) >= _ARM_JOINTS and not any(moving[-1] in self._way(joint.child) for joint in below):
+                ends[moving[-1].child] = []
+        return ends if len(ends) <= 2 else {}
 
     def _torso(self, ways: Sequence[list[UrdfJoint]]) -> list[UrdfJoint]:
         """Joints that all hands hang on, if there are two; of a single one the first that are named so."""
@@ -120,51 +138,54 @@ class _Guess:
         if kind is None:
             kind = "holonomic" if len(wheels) > 2 else "differential"
             self.said.append(f"base.kind: {kind}, of {len(wheels)} joints of wheels")
-        radius = self._radius()
-        if radius is None:
+        if not wheels:
+            self.said.append(
+                "base: no joint of a wheel was found. Of an arm alone, what carries it is its base: footprint_m, and "
+                "above_floor_m, how high its first link is above the floor"
+            )
+        outline = self._outline()
+        if outline is None:
             spread = [float(norm(self._place(wheel.child)[:2])) for wheel in wheels]
-            radius = round(max(spread) + 0.05, 3) if spread else _RADIUS_M
+            outline = round(max(spread) + 0.05, 3) if spread else _RADIUS_M
             source = "where its wheels are" if spread else "nothing: measure it"
         else:
-            source = "the boxes, cylinders and spheres of its base"
-        self.said.append(f"base.footprint_m: {radius:g}, from {source}")
+            source = "the shapes that are fixed to its base"
+        self.said.append(f"base.footprint_m: {outline}, from {source}")
         self.said.append("base.speed: slow, as no URDF tells it")
         sideways = {"sideways": _SPEED} if kind == "holonomic" else {}
         return {
             "kind": kind,
             "link": self._base.link,
-            "footprint_m": radius,
+            "footprint_m": outline,
             "speed": {"ahead": _SPEED, **sideways, "turn": _TURN},
         }
 
-    def _radius(self) -> float | None:
-        """About the base frame, of the primitives of links that are fixed to it; None: there are none."""
-        reach = []
+    def _outline(self) -> float | list[list[float]] | None:
+        """Of the shapes of links that are fixed to the base: a radius, or corners where a box is far smaller.
+
+        None: there are no shapes, or they are too small for a base.
+        """
+        folder, found = Path(self._tree.file).resolve().parent, []
         for name, link in self._tree.links.items():
             way = self._tree.path(name, self._base.link)
             if way is None or any(joint.kind != "fixed" for joint in way):
                 continue
             T = self._base.chain(name, np.eye(4), ()).pose(np.zeros(0))
-            for shape in link.collisions or link.visuals:
-                if shape.kind == "mesh":
-                    continue
-                half = np.array(shape.size) / 2 if shape.kind == "box" else np.array([shape.size[0]] * 3)
-                if shape.kind == "cylinder":
-                    half[2] = shape.size[1] / 2
-                turned = matmul(T, placed(shape.xyz, shape.rpy))
-                if shape.kind == "box":
-                    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
-                    corners = matmul(turned[:3, :3], signs * half[:, None]) + turned[:3, 3:]
-                    reach.append(float(norm(corners[:2].T, axis=1).max()))
-                else:
-                    reach.append(float(norm(turned[:2, 3])) + float(half[0]))
-        return round(max(reach), 3) if reach else None
+            found += [matmul(points, T[:3, :3].T)[:, :2] + T[:2, 3] for points in link_points(link, folder)]
+        places = np.concatenate([*found, np.zeros((1, 2))])
+        radius = float(norm(places, axis=1).max())
+        if radius < _LEAST_M:
+            return None
+        (x0, y0), (x1, y1) = places.min(0).round(3).tolist(), places.max(0).round(3).tolist()
+        if max(x0, y0) < 0 < min(x1, y1) and (x1 - x0) * (y1 - y0) < _BOXY * np.pi * radius**2:
+            return [[x1, y0], [x1, y1], [x0, y1], [x0, y0]]
+        return round(radius, 3)
 
     def _cameras(self, hands: dict[Side, str]) -> dict[str, Any]:
         """By name: the first of the base, torso or head, and the first of each arm. Optical frames go first."""
         named = [name for name in self._tree.links if _CAMERA.search(name.lower()) and self._tree.path(
             name, self._base.link) is not None]  # fmt: skip
-        named.sort(key=lambda name: ("optical" not in name, "depth" in name))
+        named.sort(key=lambda name: ("optical" not in name, "depth" in name, "screw" in name))
         own = {side: {j.name for j in self._way(hand) if j.moves} for side, hand in hands.items()}
         shared = set.intersection(*own.values()) if len(own) > 1 else set()
         found: dict[str, Any] = {}
@@ -175,7 +196,9 @@ class _Guess:
             if name not in found:
                 found[name] = {"link": link, "size": [640, 480], "fov_rad": _FOV_RAD, "depth": True}
         if "head" not in found:
-            self.said.append("cameras.head: there is no link of a camera on base or head: write which link it is on")
+            place = f"link: {self._base.link}, xyz: [0.1, 0.0, 1.2], rpy: [0.0, 0.5, 0.0]"
+            example = f"head: {{ {place}, size: [640, 480], fov_rad: {_FOV_RAD:g}, depth: true }}"
+            self.said.append(f"cameras.head: no link of a camera is on base or head: write it, such as {example}")
         for name, part in found.items():
             self.said.append(
                 f"cameras.{name}: by the name of {part['link']}; size, fov_rad and depth are not in a URDF"
@@ -197,6 +220,9 @@ class _Guess:
         if named is not None:
             tcp: dict[str, Any] = {"link": named}
             self.said.append(f"grippers.{side}.tcp: link {named}, by its name; z has to point along the fingers")
+        elif not fingers:
+            tcp = {"link": hand}
+            self.said.append(f"grippers.{side}.tcp: on {hand}, the last link; z has to point along the gripper")
         else:
             middle = np.mean([joint.xyz for joint in fingers], axis=0)
             forward = abs(middle[0]) >= abs(middle[2])
@@ -205,7 +231,8 @@ class _Guess:
             along = "x" if forward else "z"
             self.said.append(f"grippers.{side}.tcp: on {hand} where its fingers begin, which point along its {along}")
         part: dict[str, Any] = {"joints": [joint.name for joint in fingers], "tcp": tcp}
-        if any(joint.kind != "prismatic" for joint in fingers):
+        if not fingers or any(joint.kind != "prismatic" for joint in fingers):
             part["opening_m"] = _OPENING_M
-            self.said.append(f"grippers.{side}.opening_m: {_OPENING_M:g}, as its fingers turn: measure it")
+            why = "its fingers turn" if fingers else "the URDF has no joint of a finger"
+            self.said.append(f"grippers.{side}.opening_m: {_OPENING_M:g}, as {why}: measure it")
         return part

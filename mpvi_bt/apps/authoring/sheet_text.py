@@ -74,7 +74,8 @@ def _arm(side: str, arm: dict[str, Any]) -> list[str]:
 
 
 def _gripper(side: str, gripper: dict[str, Any]) -> list[str]:
-    fingers = ", ".join(f"{j['name']} {j['closed']:g} to {j['open']:g} {j['unit']}" for j in gripper["joints"])
+    named = [f"{j['name']} {j['closed']:g} to {j['open']:g} {j['unit']}" for j in gripper["joints"]]
+    fingers = ", ".join(named) or "the URDF has no joint of it"
     opening, grasp = (100 * gripper[key] for key in ("opening_m", "grasp_m"))
     return _wrapped(
         f"{side} gripper: opens {opening:.3g} cm; holds something if {grasp:.2g} cm wider than told; {fingers}", "  "

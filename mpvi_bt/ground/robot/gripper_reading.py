@@ -45,6 +45,9 @@ def _read(findings: RobotFindings, part: GripperPart, side: Side) -> Fingers:
     if part.opening_m is not None:
         opening_m = part.opening_m
     else:
+        if not joints:
+            message = "without joints it needs `opening_m`, how far its fingers are apart when open [m]"
+            findings.tell(at, "missing-key", message, key=True)
         if any(joint is not None and joint.kind != "prismatic" for joint in joints):
             message = "its fingers turn: give `opening_m`, how far they are apart when open [m]"
             findings.tell(at, "missing-key", message, key=True)

@@ -126,14 +126,15 @@ class GripperPart(Record):
     """A gripper.
 
     Attributes:
-        joints: Of its fingers; those that follow another joint need not be named.
+        joints: Of its fingers; those that follow another joint need not be named. None: the URDF has no fingers, and
+            the robot's own side tells how wide it is open.
         tcp: The frame between the fingers: z along them, y across.
         open, closed: Positions of the joints; by default the limits, closed next to 0.
-        opening_m: Between the fingers when open; by default what sliding fingers travel.
+        opening_m: Between the fingers when open; by default what fingers travel that slide.
         grasp_m: A gripper that was told to close holds something if it is wider than it was told to be by more.
     """
 
-    joints: Annotated[list[_Name], Field(min_length=1)]
+    joints: list[_Name]
     tcp: FramePart
     open: list[_Finite] | None = None
     closed: list[_Finite] | None = None

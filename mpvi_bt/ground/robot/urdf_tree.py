@@ -26,7 +26,7 @@ class UrdfShape:
 
     Attributes:
         kind: What it is.
-        size: Of a box its sides, of a cylinder radius and length, of a sphere its radius [m]; of a mesh nothing.
+        size: Of a box its sides, of a cylinder radius and length, of a sphere its radius [m]; of a mesh its scale.
         file: Of a mesh, as the URDF names it.
         xyz, rpy: Its place in the link's frame [m, rad].
         place: (line, column) in the file.
@@ -216,7 +216,8 @@ class _UrdfReader:
                 elif form.tag == "sphere":
                     yield UrdfShape("sphere", (self._number(form, "radius"),), "", xyz, rpy, form.place)
                 elif form.tag == "mesh":
-                    yield UrdfShape("mesh", (), form.attributes.get("filename", ""), xyz, rpy, form.place)
+                    scale = self._vector(form, "scale", (1.0, 1.0, 1.0))
+                    yield UrdfShape("mesh", scale, form.attributes.get("filename", ""), xyz, rpy, form.place)
 
     def _joint(self, name: str, element: Element) -> UrdfJoint | None:
         kind = element.attributes.get("type", "")

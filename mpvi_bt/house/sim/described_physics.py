@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
@@ -34,8 +35,15 @@ _GRIP_N_PER_M, _GRIP_DAMPING, _GRIP_N = 3e3, 1e2, 250.0  # as of the robots that
 
 
 def described_physics(robot: DescribedRobot) -> RobotPhysics:
-    """What physics needs to know of a robot of a file."""
+    """What physics needs to know of a robot of a file.
+
+    Raises:
+        UserError: A gripper has no fingers.
+    """
     tree = robot.tree
+    for side, names in robot.finger_joints.items():
+        if not names:
+            raise UserError(f"the {side} gripper of {robot.name} has no joints: our house cannot build it.")
     fingers = {side: tuple(_fingers(robot, side)) for side in robot.sides}
     drives = dict.fromkeys(_BASE_JOINTS, _BASE)
     moving = [joint for joint in tree.joints.values() if joint.kind in ("revolute", "continuous", "prismatic")]

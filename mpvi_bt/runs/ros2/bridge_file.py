@@ -328,10 +328,15 @@ def _misfits(settings: BridgeFile, marks: SourceMarks, robot: RobotDescription) 
             f"no controller has {', '.join(rest)}: name them, or leave 'joints' out of one entry",
         )
     for side in robot.sides:
-        if side not in settings.grippers and EACH not in settings.grippers:
+        controller = settings.grippers.get(side) or settings.grippers.get(EACH)
+        if controller is None:
             yield marks.problem(
                 ("grippers",), "missing-key", f"the gripper {side!r} of the {robot.name} has no controller"
             )
+        elif not controller.joints and not robot.finger_joints[side]:
+            place = ("grippers", side if side in settings.grippers else EACH)
+            message = f"the file of the {robot.name} names no joints of its {side} gripper: give 'joints'"
+            yield marks.problem(place, "missing-key", message, key=True)
     if "head" in robot.cameras and "head" not in settings.cameras and EACH not in settings.cameras:
         yield marks.problem(
             ("cameras",), "missing-key", "the camera 'head' has no topics: it is what things are found with"
