@@ -20,6 +20,7 @@ from mpvi_bt.runs.ros2.heard_states import HeardStates
 from mpvi_bt.runs.ros2.ros_packages import part, require_ros
 
 _PARTING_S = 1.0
+_NO_NAME = "_NODE_NAME_UNKNOWN_"  # rmw's, of a node whose topics were discovered before it was
 
 
 class RobotNode:
@@ -119,7 +120,8 @@ class RobotNode:
     def _others(self, topic: str) -> list[str]:
         infos = self.node.get_publishers_info_by_topic(topic)
         own = self.node.get_name()
-        return sorted({f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos if i.node_name != own})
+        names = {f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos if i.node_name != own}
+        return sorted("a node that tells no name yet" if name.endswith(_NO_NAME) else name for name in names)
 
     def _quality(self, told: Quality, reliability: str, depth: int = 10, latched: bool = False) -> Any:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
