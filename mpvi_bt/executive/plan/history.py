@@ -22,12 +22,14 @@ class Unit:
         reason: Code of its failure, such as "no_path"; "" if it was done.
         evidence: Of the failure.
         answers: The completion checker's last answers about it.
+        criterion: Its state of completion, in words; "" if it has none.
     """
 
     said: str
     reason: str = ""
     evidence: str = ""
     answers: tuple[str, ...] = ()
+    criterion: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,13 @@ class History:
         units: Begun units, in order; the last one has just failed.
         planned: The units after it.
         seen: Known objects, the most certain first.
+        full: Hands that feel something between their fingers; None: nobody knows.
     """
 
     units: tuple[Unit, ...]
     planned: tuple[str, ...] = ()
     seen: tuple[SeenObject, ...] = ()
+    full: tuple[str, ...] | None = None
 
     def text(self) -> str:
         """All of it for a prompt, in lines, at most `LONGEST` characters.

@@ -61,6 +61,17 @@ class PaperHands(PaperWorld):
             if thing not in self.on and thing not in self.guessed:
                 raise CannotBe(f"{self.name(thing)} is off: turn it on first")
 
+    def lose(self, side: str) -> None:
+        """A hand turns out to be empty; where that is which it held, nobody knows."""
+        lost = self.held[side]
+        self.held = {other: None if held == lost else held for other, held in self.held.items()}
+
+    def grip(self, side: str, thing: str) -> None:
+        """A hand turns out to hold a thing."""
+        self._leave(thing)
+        self.held = {other: None if held == thing else held for other, held in self.held.items()}
+        self.held[side] = thing
+
     # Hands
 
     def _free(self, hand: str | None, number: int = 1) -> str:

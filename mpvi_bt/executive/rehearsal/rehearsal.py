@@ -64,7 +64,7 @@ class Rehearsal:
             world.done, at = i, ("segments", i)
             try:
                 if isinstance(segment, Navigation):
-                    _drive(world, segment)
+                    drive(world, segment)
                     continue
                 criterion = criteria.parse(segment.completion_criterion)
                 before = criterion and world.so(criterion)
@@ -120,7 +120,7 @@ class _Unknown(Exception):
     """Nobody knows what a segment does."""
 
 
-def _drive(world: PaperHands, segment: Navigation) -> None:
+def drive(world: PaperHands, segment: Navigation) -> None:
     """Drive to what a segment names, in its room first, and then anywhere: robots search."""
     room = normalize(segment.room or "")
     rooms = {normalize(r): r for r in world.start.rooms.values()}

@@ -45,6 +45,7 @@ class Replanner:
         swapped: Called with the new tree after each swap.
         drive, arrange: Of new plans, as of `compile_plan`.
         late_s: What each answer takes besides, in simulated time [s], by its number in the episode.
+        full: Hands that feel something between their fingers, when it is asked; None: nobody knows.
     """
 
     def __init__(
@@ -58,11 +59,12 @@ class Replanner:
         drive: Drive = "navigator",
         arrange: Arrange | None = None,
         late_s: Callable[[int], float] = lambda answer: 0.0,
+        full: Callable[[], tuple[str, ...] | None] = lambda: None,
     ) -> None:
         self._planner, self._tree, self._context = planner, tree, context
         self._instruction, self._seen, self._swapped = instruction, seen, swapped
         self._most, self._drive = getattr(planner, "most", MOST), drive
-        self._arrange, self._late_s = arrange, late_s
+        self._arrange, self._late_s, self._full = arrange, late_s, full
         self._open: list[_Request] = []
 
     def ask(self, path: str, failure: Failure) -> _Request:
@@ -75,7 +77,7 @@ class Replanner:
             return _Request(path, log, "no new plan: it is no child of a sequence with memory")
         if len(log.replans) >= self._most:
             return _Request(path, log, f"no new plan: {self._most} were asked for already")
-        history = history_of(self._tree, self._context, path, failure, self._seen())
+        history = history_of(self._tree, self._context, path, failure, self._seen(), self._full())
         instruction = self._instruction or self._tree.spec.instruction
         late_s = self._late_s(len(log.replans))
         question = Question(
@@ -197,7 +199,14 @@ def _came_to(segments: int | None, said: str) -> str:
     return f"new plan: {segments} segment{'s' * (segments != 1)}"
 
 
-def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[SeenObject] = ()) -> History:
+def history_of(
+    tree: Tree,
+    context: Context,
+    path: str,
+    failure: Failure,
+    seen: Iterable[SeenObject] = (),
+    full: tuple[str, ...] | None = None,
+) -> History:
     """The history for replanning: units before the failed `attempt` at `path`, its failure, and the units after it."""
     row = row_of(tree.spec, path) or (path,)
     placed = {node.path: node for node in tree.spec.nodes}
@@ -206,7 +215,8 @@ def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: 
         _unit(context, placed, sibling, getattr(tree.nodes.get(sibling), "failure", None)) for sibling in row[:place]
     ]
     units.append(_unit(context, placed, path, failure))
-    return History(tuple(units), tuple(_said(placed, later) for later in row[place + 1 :]), tuple(seen))
+    planned = tuple(_said(placed, later) for later in row[place + 1 :])
+    return History(tuple(units), planned, tuple(seen), full)
 
 
 def things(known: Iterable[Entry]) -> list[SeenObject]:
@@ -231,12 +241,19 @@ def row_of(spec: TreeSpec, path: str) -> tuple[str, ...] | None:
 
 
 def _unit(context: Context, placed: Mapping[str, Placed], path: str, failure: Failure | None) -> Unit:
-    said = _said(placed, path)
+    said, criterion = _said(placed, path), _criterion(placed, path)
     if failure is None:
-        return Unit(said)
+        return Unit(said, criterion=criterion)
     asked = [query for query in context.log.queries if query.path.startswith(f"{path}/")]
     answers = (f"{query.criterion}? {query.said}: {query.reason}" for query in asked[-_ANSWERS:])
-    return Unit(said, failure.reason, failure.evidence, tuple(answers))
+    return Unit(said, failure.reason, failure.evidence, tuple(answers), criterion)
+
+
+def _criterion(placed: Mapping[str, Placed], path: str) -> str:
+    """The last criterion that is checked below a node."""
+    own = getattr(placed[path].spec.parameters, "criterion", None)
+    found = [own and unescaped(own), *(_criterion(placed, child) for child in placed[path].children)]
+    return next((criterion for criterion in reversed(found) if criterion), "")
 
 
 def _said(placed: Mapping[str, Placed], path: str) -> str:

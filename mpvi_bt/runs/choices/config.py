@@ -75,7 +75,7 @@ class PlanSettings:
     on_failure: str = setting(
         "advance",
         "After a unit of the plan has failed: advance: go on with the next one; retry:N: try it N more times first; "
-        "replan: make a new plan for the rest (without a model: go on, and try the unit again at the end).",
+        "replan: have the planner make a new plan for the rest (recorded: go on, and try the unit again at the end).",
         "WHAT",
         reader="mpvi_bt.executive.tree.compile:parse_on_failure",
         begins=("advance", "retry:", "replan"),

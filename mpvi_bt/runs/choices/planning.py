@@ -11,6 +11,7 @@ from mpvi_bt.executive.plan.planners import Planner, RecordedPlanner
 from mpvi_bt.executive.plan.planning_context import PlanningContext
 from mpvi_bt.executive.plan.schema import Plan
 from mpvi_bt.executive.plan.skills import load_skills
+from mpvi_bt.executive.rehearsal.done_so_far import world_so_far
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import Problem, UserError
 from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks
@@ -20,7 +21,7 @@ from mpvi_bt.runs.choices.backends import NOBODY, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
 from mpvi_bt.runs.choices.named_task import task_named
-from mpvi_bt.runs.choices.rehearsing import make_rehearsal
+from mpvi_bt.runs.choices.rehearsing import make_rehearsal, task_start
 
 if TYPE_CHECKING:
     from mpvi_bt.house.instances.tasks import Task
@@ -60,7 +61,10 @@ def make_planner(
 
         if choice.name != name:
             tell("the task has no plan on file: the symbolic planner makes one by its goal")
-        return SymbolicPlanner(task, tell=tell)
+        known, hands = load_skills(), sides_of(config.robot)
+        return SymbolicPlanner(
+            task, tell=tell, so_far=lambda history: world_so_far(known, task_start(task, hands), history)
+        )
     place = house or (task.house if task else None)
     skills = load_skills()
     grounding = ground(place, task, sides_of(config.robot)) if place else None

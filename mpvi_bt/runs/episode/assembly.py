@@ -149,6 +149,11 @@ def _replanning(
 ) -> Replanner:
     """Makes the replanner. It plans from the robot's own knowledge, and new things in its plans are searched for."""
     assert prepared.planner is not None
+
+    def full() -> tuple[str, ...]:
+        felt = world.robot.proprioception()
+        return tuple(side for side in felt.sides if felt.holds(side))
+
     replanning = partial(
         Replanner,
         prepared.planner,
@@ -158,6 +163,7 @@ def _replanning(
         drive=config.drive,
         arrange=arrangement(config, context.skills),
         late_s=latency_of(config, "planner", answers=1),  # the first is the plan itself
+        full=full,
     )
     if not isinstance(navigator, ExploringNavigator):
         assert isinstance(world, SimWorld)

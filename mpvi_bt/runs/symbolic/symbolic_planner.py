@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
 from mpvi_bt.executive.plan.history import History
 from mpvi_bt.executive.plan.planners import NoPlan, Planned
 from mpvi_bt.executive.plan.schema import Plan
+from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
 from mpvi_bt.ground.errors import Problem, UserError
 from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.house.instances.tasks import Task, check_task
 from mpvi_bt.runs.symbolic.action_search import NoActions, find_actions, require_installed
+from mpvi_bt.runs.symbolic.facts_so_far import facts_so_far
 from mpvi_bt.runs.symbolic.goal_choice import IMPOSSIBLE, choose_literals
 from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, Actions
 from mpvi_bt.runs.symbolic.plan_sentences import Sentences
@@ -36,23 +38,40 @@ class SymbolicPlanner:
 
     name = "symbolic"
 
-    def __init__(self, task: Task, limit_s: float = LIMIT_S, tell: Callable[[str], None] = lambda line: None) -> None:
-        """`limit_s` bounds the search [s of wall time]; `tell` is told if the cheapest plan would take longer.
+    def __init__(
+        self,
+        task: Task,
+        limit_s: float = LIMIT_S,
+        tell: Callable[[str], None] = lambda line: None,
+        so_far: Callable[[History], PaperHands] | None = None,
+    ) -> None:
+        """Bind the parts.
+
+        Args:
+            task: To plan.
+            limit_s: Bounds the search [s of wall time].
+            tell: Is told if the cheapest plan would take longer.
+            so_far: Says how things are in the middle of an episode; None: then it makes no new plans.
 
         Raises:
             UserError: The extra is not installed.
         """
         require_installed()
-        self._task, self._limit_s, self._tell = task, limit_s, tell
+        self._task, self._limit_s, self._tell, self._so_far = task, limit_s, tell, so_far
 
     def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
-        """As `Planner.ask`. Raises UserError with a history: what is known then is not read yet."""
+        """As `Planner.ask`; with a history to the same goal, from what is known then."""
+        begun = told = told_facts(self._task)
+        full: set[str] = set()
         if history is not None:
-            raise UserError("the symbolic planner cannot plan the rest of a task yet; choose --planner openai:MODEL.")
-        told = told_facts(self._task)
-        wanted = choose_literals(told.problem.goal, lambda literal, so: _cost(told, literal, so))
-        start = told.start | {("free", hand) for hand in HANDS}
-        goal, never = ends(told, wanted)
+            if self._so_far is None:
+                raise UserError("this symbolic planner is not told how to know things in the middle of an episode.")
+            told = facts_so_far(begun, self._so_far(history), history.seen)
+            held = {atom[2] for atom in told.start if atom[0] == "held"}
+            full = {*HANDS} if "both" in held else {*held, *(history.full or ())}
+        wanted = choose_literals(begun.problem.goal, lambda literal, so: _cost(told, literal, so))
+        start = told.start | {("free", hand) for hand in HANDS if hand not in full}
+        goal, never = ends(told, wanted, begun.start)
         actions = Actions(told, wanted, goal).all()
         if (lost := out_of_reach(actions, start, goal, never)) is not None:
             raise NoPlan("bad_answer", _why(lost), ())
@@ -62,7 +81,7 @@ class SymbolicPlanner:
             raise NoPlan("bad_answer", f"no plan leads to the goal of {task_name}: {error}", ()) from None
         segments = Sentences(told, start).segments([action for action in found if action.skill])
         if not segments:
-            raise NoPlan("nothing_left", "the goal is met at the start", ())
+            raise NoPlan("nothing_left", "the goal is met", ())
         return Planned(Plan(task_name=task_name, instruction=instruction or self._task.instruction, segments=segments))
 
 
@@ -80,10 +99,12 @@ def lint_task(data: Any, marks: SourceMarks) -> list[Problem]:
     return []
 
 
-def ends(told: ToldFacts, wanted: dict[Literal, bool]) -> tuple[frozenset[Atom], frozenset[Atom]]:
+def ends(
+    told: ToldFacts, wanted: dict[Literal, bool], begun: Collection[Atom]
+) -> tuple[frozenset[Atom], frozenset[Atom]]:
     """What has to be so at the end, and what must not be: the goal, and what courtesy asks.
 
-    Our choice: who opened a fridge closes it, and who turned on a stove turns it off.
+    Our choice: who opened a fridge closes it, and who turned on a stove turns it off. `begun`: what was so at first.
     """
     goal: set[Atom] = set()
     never: set[Atom] = set()
@@ -92,7 +113,7 @@ def ends(told: ToldFacts, wanted: dict[Literal, bool]) -> tuple[frozenset[Atom],
     for thing, entry in told.entries.items():
         if told.fixed(thing) and entry.source is not None:
             kept = ("open", thing) if entry.source.at_c < 0 else ("toggled_on", thing)
-            if kept not in goal and kept not in told.start:
+            if kept not in goal and kept not in begun:
                 never.add(kept)
     return frozenset(goal), frozenset(never)
 
