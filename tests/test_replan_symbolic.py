@@ -121,7 +121,7 @@ def test_what_was_opened_is_open_and_what_was_made_is_there() -> None:
 def test_a_new_plan_goes_back_for_a_can_that_was_lost() -> None:
     """It takes the lost can and the third one, puts all three away, and searches where no place is known."""
     plan = planned(history(TWO_CANS, PUT, [LEFT_CAN, SeenObject(CAN, "living_room")], ("left",)))
-    assert (count(plan, "pick up"), count(plan, "put")) == (2, 3)
+    assert (count(plan, "pick up a can"), count(plan, "put the can")) == (2, 3)
     assert plan.segments[-1].completion_criterion == "three cans of soda are in the trash can"
     drives = [s for s in plan.segments if isinstance(s, Navigation) and s.target == CAN]
     assert sorted(str(drive.room) for drive in drives) == ["None", "living room"]
@@ -131,7 +131,7 @@ def test_a_new_plan_drives_again_where_a_drive_failed() -> None:
     """With the cans in its hands still."""
     plan = planned(history(TWO_CANS[:4], TWO_CANS[4], [LEFT_CAN, LEFT_CAN], ("left", "right")))
     assert plan.segments[0].description == "go to the trash can"
-    assert (count(plan, "pick up"), count(plan, "put")) == (1, 3)
+    assert (count(plan, "pick up a can"), count(plan, "put the can")) == (1, 3)
 
 
 def test_nothing_is_left_where_the_goal_is_met() -> None:
