@@ -93,6 +93,16 @@ def test_a_lost_thing_is_where_one_more_such_thing_was_seen() -> None:
     assert ("inside", "ashcan.n.01_1") in cans(inside)
 
 
+def test_each_place_that_was_seen_is_of_one_thing() -> None:
+    """Of two cans that no hand holds any more one was put away, though the unit failed for the other."""
+    third = ("go to a can of soda", "pick up a can of soda with the right hand", "go to the trash can")
+    both = f"{PUT.replace('right', 'left')}, then {PUT}"
+    away, fallen = SeenObject(CAN, "kitchen", "trash can"), SeenObject(CAN, "kitchen")
+    for seen in ([away, away, fallen], [fallen, away, away]):
+        past = history((*TWO_CANS, PUT, *third), both, seen, ())
+        assert cans(past) == [*2 * [("inside", "ashcan.n.01_1")], ("ontop", "floor of kitchen")]
+
+
 def test_a_full_hand_holds_what_is_seen_in_it() -> None:
     """A pick that was given up may have gone well."""
     taken = history(TWO_CANS[:1], TWO_CANS[1], [SeenObject(CAN, "living_room", held=True)], ("right",))

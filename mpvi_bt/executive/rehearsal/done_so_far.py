@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from mpvi_bt.executive.completion import criteria
 from mpvi_bt.executive.plan.clauses import clauses, match
@@ -20,7 +20,7 @@ def world_so_far(skills: Mapping[str, Skill], start: KnownStart, history: Histor
     """How things are, as far as the robot can know.
 
     The units that were done are carried out on paper, in their order. Then the hands are corrected by what they feel.
-    A thing that a hand has lost is nowhere; `place_seen` may tell of it.
+    A thing that a hand has lost is nowhere; `places_seen` may tell of it.
 
     Args:
         skills: By name.
@@ -36,15 +36,20 @@ def world_so_far(skills: Mapping[str, Skill], start: KnownStart, history: Histor
     return world
 
 
-def place_seen(world: PaperHands, thing: str, seen: tuple[SeenObject, ...]) -> SeenObject | None:
-    """Where the robot has seen a thing that is nowhere on paper: a place where on paper no other such thing is."""
-    left = [one for one in seen if not one.held and thing in world.named(one.name)]
-    alike = {other for one in left for other in world.named(one.name)} - {thing, *world.gone, *world.held.values()}
-    for other in sorted(alike):
-        there = next((one for one in left if not world.somewhere(other) and _is_there(world, other, one)), None)
-        if there is not None:
-            left.remove(there)
-    return left[0] if left else None
+def places_seen(world: PaperHands, lost: Sequence[str], seen: Sequence[SeenObject]) -> dict[str, SeenObject]:
+    """Where the robot has seen things that are nowhere on paper, as far as it has.
+
+    A seen thing is taken for one that is there on paper, and only else for a lost one; each for one thing.
+    """
+    left, places = [one for one in seen if not one.held], dict[str, SeenObject]()
+    known = [t for t in world.called if t not in {*lost, *world.start.rooms, *world.gone, *world.held.values()}]
+    for thing in (*known, *lost):
+        alike = (one for one in left if thing in world.named(one.name))
+        found = next((one for one in alike if thing in lost or _is_there(world, thing, one)), None)
+        if found is not None:
+            left.remove(found)
+            places |= {thing: found} if thing in lost else {}
+    return places
 
 
 def _is_there(world: PaperHands, thing: str, seen: SeenObject) -> bool:

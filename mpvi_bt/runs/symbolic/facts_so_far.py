@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from mpvi_bt.executive.plan.history import SeenObject
-from mpvi_bt.executive.rehearsal.done_so_far import place_seen
+from mpvi_bt.executive.rehearsal.done_so_far import places_seen
 from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
 from mpvi_bt.ground.words.phrases import normalize
 from mpvi_bt.house.goals.formula import Fact, Literal
@@ -14,6 +14,7 @@ from mpvi_bt.house.goals.problem import AGENT
 from mpvi_bt.runs.symbolic.told_facts import FLOORS, ToldFacts
 
 _FOLLOWED = ("inside", "ontop", "filled", "contains", "nextto", "under", "open", "toggled_on", "covered", "future")
+_NOWHERE = SeenObject("")
 
 
 def facts_so_far(told: ToldFacts, world: PaperHands, seen: tuple[SeenObject, ...]) -> ToldFacts:
@@ -55,6 +56,7 @@ class _Retold:
     def _placed(self) -> Iterator[Literal]:
         """Where everything is that can be carried."""
         begun = {atom[1] for atom in self._told.start if atom[0] == "placed"}
+        lost = []
         for thing in self._told.problem.objects:
             if thing in self._world.gone or self._told.fixed(thing):
                 continue
@@ -67,14 +69,16 @@ class _Retold:
             elif relation and (place := self._place(support)) in self._objects:
                 yield Literal(relation, (thing, place))
             elif thing in begun or relation:
-                yield self._lost(thing)
+                lost.append(thing)
+        seen = places_seen(self._world, lost, self._seen)
+        yield from (self._found(thing, seen.get(thing, _NOWHERE)) for thing in lost)
 
-    def _lost(self, thing: str) -> Literal:
-        seen = place_seen(self._world, thing, self._seen)
-        for container in self._world.named(seen.inside) if seen is not None and seen.inside is not None else ():
-            if container in self._objects:
-                return Literal("inside", (thing, container))
-        return Literal("ontop", (thing, self._floor(seen.room or "" if seen is not None else "")))
+    def _found(self, thing: str, seen: SeenObject) -> Literal:
+        inside = self._world.named(seen.inside) if seen.inside is not None else []
+        container = next((place for place in inside if place in self._objects), None)
+        if container is not None:
+            return Literal("inside", (thing, container))
+        return Literal("ontop", (thing, self._floor(seen.room or "")))
 
     def _states(self) -> Iterator[Literal]:
         world = self._world
