@@ -89,3 +89,19 @@ def test_a_gripper_without_fingers_is_refused(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(text)
     with pytest.raises(UserError, match="the right gripper of robot has no joints"):
         described_physics(read_robot(tmp_path / "robot.yaml"))
+
+
+def test_moments_of_inertia_that_cannot_be_are_raised(tmp_path: Path) -> None:
+    """Some tools write slightly negative ones for light parts; the robot drives all the same."""
+    urdf = FILE.with_suffix(".urdf").read_text()
+    assert 'ixx="0.001" iyy="0.001" izz="0.001"' in urdf
+    (tmp_path / "robot.urdf").write_text(
+        urdf.replace('ixx="0.001" iyy="0.001" izz="0.001"', 'ixx="3e-8" iyy="9e-8" izz="-3e-8"')
+    )
+    shutil.copy(FILE, tmp_path)
+    light = read_robot(tmp_path / "robot.yaml")
+    made = SimWorld(small_house(), {}, np.zeros(3), render=False, robot=light)
+    action = made.robot.action.copy()
+    light.layout.set_velocity(action, np.array([0.3, 0.0, 0.0]))
+    act(made, action, 1.0)
+    assert made.robot.proprioception().base_pose[0] > 0.2

@@ -26,6 +26,7 @@ from mpvi_bt.house.sim.robot_physics import Finger, MimicJoint, RobotPhysics
 
 _BASE_JOINTS = ("mpvi_base_x", "mpvi_base_y", "mpvi_base_yaw")
 _BASE_LINKS = ("mpvi_floor", "mpvi_base_x_link", "mpvi_base_y_link", "mpvi_base_link")
+_LEAST_INERTIA = 1e-6  # [kg m^2] our choice: of a part of a few grams
 _FAR = 1e3  # [m] that the base may go
 # Our choice. Those of joints are in 1/s^2 and 1/s: a twentieth of a second to follow, without swinging.
 _BASE = Drive(0.0, 20.0, 2e3)
@@ -127,6 +128,7 @@ def _text(robot: DescribedRobot) -> str:
             root.remove(element)
     for link in root.iter("link"):
         _keep_what_is_there(link, Path(robot.tree.file).resolve().parent)
+        _make_inertia_possible(link)
     for joint in root.findall("joint"):
         _bound(joint, robot)
     _add_base(root, robot)
@@ -142,6 +144,20 @@ def _keep_what_is_there(link: ET.Element, folder: Path) -> None:
                 link.remove(shape)
             else:
                 mesh.set("filename", str(file))
+
+
+def _make_inertia_possible(link: ET.Element) -> None:
+    """Raise moments of inertia that no body has, such as negative ones of light parts that a tool has rounded."""
+    inertia = link.find("inertial/inertia")
+    if inertia is None:
+        return
+    xx, xy, xz, yy, yz, zz = (float(inertia.get(f"i{key}", "0")) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    third = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    if (xx > 0 and xx * yy > xy * xy and third > 0) or not any((xx, xy, xz, yy, yz, zz)):
+        return
+    low = min(xx - abs(xy) - abs(xz), yy - abs(xy) - abs(yz), zz - abs(xz) - abs(yz))  # no moment is lower: Gershgorin
+    for key, value in (("ixx", xx), ("iyy", yy), ("izz", zz)):
+        inertia.set(key, repr(value - low + _LEAST_INERTIA))
 
 
 def _bound(joint: ET.Element, robot: DescribedRobot) -> None:
