@@ -42,6 +42,7 @@ ONLY_IN = {
     },
     "lerobot": {"executive/remote/lerobot_policy.py"},
     "transformers": {"finding/perception/grounding_dino.py"},
+    "grpc": {"executive/remote/lerobot_wire.py"},
     "zmq": {"executive/remote/groot_wire.py"},
     "rerun": {"runs/recording/rerun_log.py"},
     "mcap_ros2": {"runs/recording/mcap_log.py"},
@@ -70,6 +71,7 @@ DISTRIBUTION = {
     "mcap_ros2": "mcap-ros2-support",
     "unified_planning": "unified-planning",
     "zmq": "pyzmq",
+    "grpc": "grpcio",
     "vla_eval": "vla-eval",
     **{name: f"ros-{name.replace('_', '-')}" for name in ("rclpy", *ROS_MESSAGES)},
 }
@@ -95,6 +97,7 @@ HEAVY = (
         "xllamacpp",
         "lerobot",
         "zmq",
+        "grpc",
     ),
 )
 

@@ -322,6 +322,7 @@ class DialectSettings(Record):
         answer_s: How long one answer is waited for, lost connections and all.
         tries: How often a lost connection is made anew for one answer.
         max_mb: The largest message that is taken from the server [MiB].
+        checkpoint: Folder with a copy of a checkpoint's JSON files, where LeRobot's server has another one.
         device: Where a checkpoint of LeRobot's runs, such as "cpu"; None: where it was trained, if that is there.
     """
 
@@ -338,6 +339,7 @@ class DialectSettings(Record):
     answer_s: Seconds = 120.0
     tries: Annotated[int, Field(strict=True, ge=0, le=100)] = 3
     max_mb: Annotated[int, Field(strict=True, ge=1, le=64)] = 16
+    checkpoint: Annotated[str, Field(min_length=1, max_length=4096)] | None = None
     device: Annotated[str, Field(min_length=1, max_length=40)] | None = None
 
     @property

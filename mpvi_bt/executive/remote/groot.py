@@ -20,7 +20,7 @@ from mpvi_bt.executive.remote.wire_mapping import actions_of, picture, state
 from mpvi_bt.ground.errors import PolicyError, UserError, shown
 from mpvi_bt.ground.extras import install
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import ActionKind
+from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.protocol import Proprioception
 
 PORT = 5555

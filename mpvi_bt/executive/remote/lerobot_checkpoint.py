@@ -13,8 +13,9 @@ from mpvi_bt.executive.remote.dialect_settings import DialectSettings
 from mpvi_bt.executive.remote.task_settings import check_robot
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
 from mpvi_bt.ground.errors import UserError, shown
+from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robot_description import RobotDescription
-from mpvi_bt.ground.robot.robots import robot_named
+from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 
 CONFIG, PROCESSOR, TRAINING = "config.json", "policy_preprocessor.json", "train_config.json"
 STATE, POSE, PICTURES = "observation.state", "observation.base_pose", "observation.images."  # of `mpvi dataset`
@@ -35,6 +36,7 @@ class LerobotCheckpoint:
         whole_chunks: Whether it answers a chunk at once. One that remembers observations, or averages its chunks, is
             asked for each row.
         rows: How many rows of a chunk are carried out.
+        device: Where it was trained, such as "cuda".
         dataset: Folder of the dataset that it was trained on, if that is still there.
         fps: Rows a second of that dataset; None: not known.
         robot: Whose dataset it is; None: not known.
@@ -47,13 +49,18 @@ class LerobotCheckpoint:
     action_size: int
     whole_chunks: bool
     rows: int
+    device: str
     dataset: Path | None = None
     fps: float | None = None
     robot: str | None = None
 
 
-def read_checkpoint(given: Path) -> LerobotCheckpoint:
+def read_checkpoint(given: Path, weights: bool = True) -> LerobotCheckpoint:
     """The checkpoint in a folder, or in what `lerobot-train` has written there.
+
+    Args:
+        given: The folder.
+        weights: Whether its weights have to be there, too.
 
     Raises:
         UserError: There is none, or it cannot be run here.
@@ -66,7 +73,7 @@ def read_checkpoint(given: Path) -> LerobotCheckpoint:
     if not isinstance(kind, str) or not isinstance(inputs, dict) or not isinstance(outputs, dict):
         said = "no policy of LeRobot's: 'type', 'input_features' and 'output_features' are wanted"
         raise UserError(f"{folder / CONFIG}: {said}")
-    if not (folder / "model.safetensors").is_file():
+    if weights and not (folder / "model.safetensors").is_file():
         raise UserError(f"{folder}: its weights, model.safetensors, are missing")
     if not (folder / PROCESSOR).is_file():
         said = "it was saved by a LeRobot before 0.4; LeRobot's migrate_policy_normalization makes a new one of it"
@@ -87,10 +94,36 @@ def read_checkpoint(given: Path) -> LerobotCheckpoint:
         action_size=_shape(outputs.get("action"), "action", folder)[0],
         whole_chunks=not remembers,
         rows=rows,
+        device=str(config.get("device") or "cpu"),
         dataset=dataset,
         fps=None if dataset is None else dataset_rate(dataset),
         robot=robot if isinstance(robot, str) else None,
     )
+
+
+def fitting_checkpoint(
+    folder: Path, settings: DialectSettings, robot: str | None, weights: bool = True
+) -> LerobotCheckpoint:
+    """As `read_checkpoint`, checked by `check_fit`.
+
+    Args:
+        folder, weights: As `read_checkpoint` takes them.
+        settings: What its features are.
+        robot: Name or file of the robot; None: that of the settings, of its dataset, or the default one.
+    """
+    checkpoint = read_checkpoint(folder, weights)
+    own = checkpoint.robot if checkpoint.robot in ROBOTS else None
+    check_fit(checkpoint, settings, robot_named(robot or settings.robot or own or DEFAULT_ROBOT))
+    return checkpoint
+
+
+def rate_of(checkpoint: LerobotCheckpoint, settings: DialectSettings) -> tuple[float | None, str]:
+    """Rows a second, of the settings or of the dataset that it was trained on (None: nobody says), and who says it."""
+    own, fps = settings.rate_hz, checkpoint.fps
+    if own is None:
+        return fps, f"the dataset {checkpoint.dataset}"
+    other = f"; the dataset {checkpoint.dataset} says {fps:g}" if fps not in (None, own) else ""
+    return own, settings.rate_from + other
 
 
 def _json(file: Path) -> dict[str, Any]:

@@ -11,16 +11,14 @@ import numpy as np
 
 from mpvi_bt.executive.remote.connection import one_line
 from mpvi_bt.executive.remote.dialect_settings import DialectSettings
-from mpvi_bt.executive.remote.lerobot_checkpoint import check_fit, read_checkpoint
+from mpvi_bt.executive.remote.lerobot_checkpoint import fitting_checkpoint, rate_of
 from mpvi_bt.executive.remote.lerobot_frames import cameras_of_checkpoint, frame_of
 from mpvi_bt.executive.remote.wire_mapping import actions_of
 from mpvi_bt.ground.errors import PolicyError, UserError
 from mpvi_bt.ground.extras import install
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.action_rows import ActionKind
-from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
+from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.protocol import Proprioception
-from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 
 TESTED = "0.4"  # of lerobot: 0.4.4 was tried
 
@@ -57,17 +55,12 @@ class LerobotPolicy:
     """
 
     def __init__(self, folder: Path, settings: DialectSettings, robot: str | None = None) -> None:
-        self.checkpoint = read_checkpoint(folder)
-        own = self.checkpoint.robot if self.checkpoint.robot in ROBOTS else None
-        check_fit(self.checkpoint, settings, robot_named(robot or settings.robot or own or DEFAULT_ROBOT))
+        self.checkpoint = fitting_checkpoint(folder, settings, robot)
         require_lerobot()
         self._settings = settings
         self.name = f"lerobot:{folder}"
         self.cameras = cameras_of_checkpoint(self.checkpoint, settings)
-        self.rate_hz, fps = settings.rate_hz or self.checkpoint.fps, self.checkpoint.fps
-        self.rate_from = settings.rate_from if settings.rate_hz else f"the dataset {self.checkpoint.dataset}"
-        if fps not in (None, self.rate_hz):
-            self.rate_from += f"; the dataset {self.checkpoint.dataset} says {fps:g}"
+        self.rate_hz, self.rate_from = rate_of(self.checkpoint, settings)
         self.actions: ActionKind = settings.actions or "absolute"
         self._held: Proprioception | None = None
         self._loaded: _Loaded | None = None

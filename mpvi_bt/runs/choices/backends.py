@@ -128,8 +128,8 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             factory="mpvi_bt.runs.choices.policies:groot",
         ),
         "lerobot": Backend(
-            "a checkpoint of LeRobot's, in this process",
-            address="FOLDER",
+            "a checkpoint of LeRobot's, in this process or by LeRobot's server",
+            address="FOLDER|grpc://HOST:PORT/FOLDER",
             sees=True,
             factory="mpvi_bt.runs.choices.policies:lerobot",
         ),

@@ -175,11 +175,8 @@ def rate_doubt(config: EpisodeConfig) -> str:
             return ""
         told = "unless it tells its `rate_hz`"
     elif one.name == "lerobot":
-        from mpvi_bt.executive.remote.dialect_settings import load_settings
-        from mpvi_bt.executive.remote.lerobot_checkpoint import read_checkpoint
-
-        said = None if config.policy_settings is None else load_settings(config.policy_settings).rate_hz
-        if said is not None or read_checkpoint(Path(one.address)).fps is not None:
+        chosen = make_policy(one.given, PolicyInputs({}, robot=config.robot), config.policy_settings)
+        if getattr(chosen, "rate_hz", None) is not None:
             return ""
         told = "since the dataset of its training, which tells its rate, is not there"
     else:
@@ -350,11 +347,14 @@ def groot(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
 
 
 def lerobot(ground: PolicyInputs, address: str, settings: str | None) -> Policy:
-    """A checkpoint of LeRobot's; the address is its folder."""
+    """A checkpoint of LeRobot's; the address is its folder, or that of LeRobot's server and the folder."""
     from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
     from mpvi_bt.executive.remote.lerobot_policy import LerobotPolicy
+    from mpvi_bt.executive.remote.lerobot_server import SCHEME, LerobotServerPolicy
 
     told = DialectSettings() if settings is None else load_settings(settings)
+    if address.startswith(f"{SCHEME}://"):
+        return LerobotServerPolicy(address, told, settings or "", ground.robot)
     return LerobotPolicy(Path(address).expanduser(), told, ground.robot)
 
 
