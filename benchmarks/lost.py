@@ -36,7 +36,7 @@ from mpvi_bt.runs.report.statistics import difference, estimate
 
 TASK, WAYS = "picking_up_trash", ("advance", "replan")
 BUDGET_S = 900.0  # twice and a half the task's own
-OPEN_STEPS = 15  # of control, which is half a second: what the hand held has fallen by then
+OPEN_STEPS = 15  # of control, which is half a second, in the last of which it closes: the can has fallen by then
 DRIVES = 3  # with something in a hand, of which one is drawn
 DRIVEN_M = (1.0, 2.5)  # how far that one has come [m]
 COLUMNS = (

@@ -55,9 +55,9 @@ class _Retold:
 
     def _placed(self) -> Iterator[Literal]:
         """Where everything is that can be carried."""
-        begun = {atom[1] for atom in self._told.start if atom[0] == "placed"}
+        begun = {atom[1] for atom in self._told.start if atom[0] == "placed"} | self._told.problem.future
         lost = []
-        for thing in self._told.problem.objects:
+        for thing in self._told.things:
             if thing in self._world.gone or self._told.fixed(thing):
                 continue
             relation, support = self._world.at.get(thing, ("", ""))
