@@ -11,13 +11,15 @@ import pytest
 from mpvi_bt.apps.cli.group import run
 from mpvi_bt.executive.plan.history import History, SeenObject, Unit
 from mpvi_bt.executive.plan.planners import NoPlan
+from mpvi_bt.executive.plan.primitives import units
 from mpvi_bt.executive.plan.schema import Navigation, Plan
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.rehearsal.done_so_far import world_so_far
 from mpvi_bt.house.instances.tasks import load_task
 from mpvi_bt.runs.choices.rehearsing import task_start
 from mpvi_bt.runs.symbolic.facts_so_far import facts_so_far
-from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner
+from mpvi_bt.runs.symbolic.goal_choice import choose_literals
+from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner, ends
 from mpvi_bt.runs.symbolic.told_facts import told_facts
 from tests.test_plans50 import plan_of
 
@@ -126,6 +128,20 @@ def test_what_was_opened_is_open_and_what_was_made_is_there() -> None:
     cut = world_so_far(SKILLS, start, History((*done, Unit("wash the knife", "timeout"))))
     assert "vidalia_onion.n.01_1" in cut.gone
     assert {thing.partition(".")[0] for thing in start.later - cut.gone} == {"diced__vidalia_onion"}
+
+
+@pytest.mark.parametrize("task", ["turning_on_radio", "bringing_water", "putting_shoes_on_rack", "cook_bacon"])
+def test_nothing_of_a_plan_that_was_done_is_left_to_do(task: str) -> None:
+    """By the facts as told then, each literal of the goal is so, and what was opened or turned on is not any more."""
+    loaded, plan = load_task(task), plan_of(task)
+    begun, start = told_facts(loaded), task_start(loaded)
+    done = [[plan.segments[i] for i in unit] for unit in units(plan)]
+    said = (Unit(", then ".join(s.description for s in u), criterion=u[-1].completion_criterion) for u in done)
+    past = History((*said, Unit("look around", "timeout")))
+    told = facts_so_far(begun, world_so_far(SKILLS, start, past), ())
+    wanted = choose_literals(begun.problem.goal, lambda literal, so: 1.0)
+    goal, never = ends(told, wanted, begun.start)
+    assert sorted(goal - told.start) == sorted(never & told.start) == []
 
 
 def test_a_new_plan_goes_back_for_a_can_that_was_lost() -> None:

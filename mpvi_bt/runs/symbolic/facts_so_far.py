@@ -38,9 +38,8 @@ class _Retold:
         self._init = [fact for fact in told.problem.init if self._stays(fact)]
 
     def told(self) -> ToldFacts:
-        now = [*self._placed(), *self._states()]
-        stated = {fact.literal for fact in self._init}
-        self._init += [Fact(literal) for literal in dict.fromkeys(now) if literal not in stated]
+        now = dict.fromkeys([*self._placed(), *self._states()])
+        self._init = [fact for fact in self._init if fact.literal not in now] + [Fact(literal) for literal in now]
         problem = replace(self._told.problem, objects=self._objects, init=tuple(self._init))
         return replace(self._told, problem=problem, entries=self._entries)
 
@@ -82,7 +81,10 @@ class _Retold:
 
     def _states(self) -> Iterator[Literal]:
         world = self._world
-        yield from (Literal(relation, (thing, other)) for relation, thing, other in sorted(world.pairs))
+        for relation, thing, other in sorted(world.pairs):
+            yield Literal(relation, (thing, other))
+            if relation == "nextto":
+                yield Literal(relation, (other, thing))
         for predicate, pairs in (("covered", world.covered), ("attached", world.attached)):
             yield from (Literal(predicate, pair) for pair in sorted(pairs))
         for predicate, things in (
