@@ -8,9 +8,10 @@ is rehearsed with the facts of its task. The judge is the run on paper of the te
 skill; words, criteria and goals it reads by the same code. Things that are alike are taken from the first and from the
 last: a mutant fails if neither way reaches the goal, and a false alarm blames one that reaches it one way.
 
-The judge lets the robot reach only what lies with the thing that it drove to. A rehearsal lets it reach furniture
-within 1 m of that, too. What fails for the judge, and is found as soon as the rehearsal takes no furniture for near, is
-counted under `near`: nobody knows without playing it.
+The judge lets the robot reach only what lies with the thing that it drove to. Whether it reaches furniture within 1 m
+of that depends on where the things lie: then the rehearsal does not say that a plan fails, and is in doubt.
+
+The second table compares both with what a person says of 50 of the mutants, which `judged_by_hand.yaml` has.
 """
 
 from __future__ import annotations
@@ -19,20 +20,23 @@ import argparse
 import json
 import random
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import chain, combinations
 from pathlib import Path
 
+import yaml
+
 from benchmarks.origin import grid
 from mpvi_bt.executive.plan.schema import Navigation, Plan, Segment
-from mpvi_bt.executive.rehearsal.rehearsal import Rehearsal
 from mpvi_bt.house.instances.tasks import load_task
-from mpvi_bt.runs.choices.rehearsing import task_start
+from mpvi_bt.runs.choices.rehearsing import make_rehearsal
 from tests.symbolic_state import CannotBe
 from tests.test_plans50 import SKILLS, TASKS, call_of, plan_of, unmet
 
-FOUND = {"impossible", "goal-unmet"}  # codes of a rehearsal
+BY_HAND = Path(__file__).with_name("judged_by_hand.yaml")
+FOUND, DOUBTED = {"impossible", "goal-unmet"}, {"far"}  # codes of a rehearsal
 _SLOTS = ("object", "container", "surface", "target", "source", "tool")
 _OTHER = {"left": "right", "right": "left"}
 _SIDE = re.compile(r"\b(left|right)(?= (?:hand|gripper)\b)")
@@ -67,8 +71,8 @@ class Trial:
     Attributes:
         task, kind, change: Those of the mutant.
         judged: Why it fails, by the judge; "" if it does not.
-        found: What the rehearsal says first; "" if it finds nothing.
-        near: Whether it finds something only where no furniture is near another.
+        found: What the rehearsal says is impossible or missing, first; "" if it finds nothing.
+        doubt: What it doubts; "" for nothing.
     """
 
     task: str
@@ -76,7 +80,12 @@ class Trial:
     change: str
     judged: str
     found: str
-    near: bool
+    doubt: str
+
+    @property
+    def told(self) -> str:
+        """What the rehearsal makes of it."""
+        return "found" if self.found else "in doubt" if self.doubt else "nothing"
 
 
 Change = tuple[str, tuple[Segment, ...]]
@@ -180,32 +189,45 @@ def judged(mutant: Mutant) -> str:
 def tried(mutants: list[Mutant]) -> Iterator[Trial]:
     """Rehearse and judge mutants, task by task."""
     for task in dict.fromkeys(mutant.task for mutant in mutants):
-        start = task_start(load_task(task))
-        usual, strict = Rehearsal(SKILLS, start), Rehearsal(SKILLS, replace(start, adjoining=frozenset()))
+        rehearsal = make_rehearsal(SKILLS, load_task(task))
         for m in mutants:
             if m.task == task:
-                found = _found(usual, m)
-                near = not found and bool(_found(strict, m))
-                yield Trial(m.task, m.kind, m.change, judged(m), found, near)
-
-
-def _found(rehearsal: Rehearsal, mutant: Mutant) -> str:
-    return next((problem.message for problem in rehearsal.problems(mutant.plan) if problem.code in FOUND), "")
+                problems = rehearsal.problems(m.plan)
+                found, doubt = (
+                    next((problem.message for problem in problems if problem.code in codes), "")
+                    for codes in (FOUND, DOUBTED)
+                )
+                yield Trial(m.task, m.kind, m.change, judged(m), found, doubt)
 
 
 def table(trials: list[Trial]) -> list[list[str | int]]:
-    """A row for each kind, and one for all: mutants, failing, found, near, missed, doable, false alarms."""
+    """A row for each kind, and one for all: mutants, failing, found, doubted, missed, doable, false alarms."""
     return [_row(kind, [t for t in trials if t.kind == kind]) for kind in KINDS] + [_row("all", trials)]
 
 
 def _row(kind: str, trials: list[Trial]) -> list[str | int]:
     fails, works = [t for t in trials if t.judged], [t for t in trials if not t.judged]
-    found, near = sum(bool(t.found) for t in fails), sum(t.near for t in fails)
-    alarms = sum(bool(t.found) for t in works)
-    return [kind, len(trials), len(fails), found, near, len(fails) - found - near, len(works), alarms]
+    told, blamed = Counter(t.told for t in fails), sum(t.told != "nothing" for t in works)
+    counts = (told[what] for what in ("found", "in doubt", "nothing"))
+    return [kind, len(trials), len(fails), *counts, len(works), blamed]
 
 
-HEADS = ["mistake", "mutants", "fail", "found", "not found: near furniture", "not found: else", "work", "false alarms"]
+def by_hand(trials: list[Trial]) -> list[list[str | int]]:
+    """A row for each verdict of a person: mutants, how many the judge fails, the rehearsal finds, and it doubts."""
+    told = {(said["task"], said["change"]): said["verdict"] for said in yaml.safe_load(BY_HAND.read_text("utf-8"))}
+    verdicts: dict[str, list[Trial]] = {"fails": [], "works": [], "unsure": []}
+    for trial in trials:
+        if (verdict := told.pop((trial.task, trial.change), None)) is not None:
+            verdicts[verdict].append(trial)
+    rows: list[list[str | int]] = []
+    for verdict, of in verdicts.items():
+        told_of = Counter(t.told for t in of)
+        rows.append([verdict, len(of), sum(bool(t.judged) for t in of), told_of["found"], told_of["in doubt"]])
+    return rows
+
+
+HEADS_BY_HAND = ["by hand", "mutants", "the judge fails", "the rehearsal finds", "doubts"]
+HEADS = ["mistake", "mutants", "fail", "found", "in doubt", "not found", "work", "false alarms"]
 
 
 def main() -> None:
@@ -217,10 +239,12 @@ def main() -> None:
     given = parser.parse_args()
     trials = [*tried(drawn(given.each, given.seed))]
     for trial in trials:
-        if bool(trial.judged) != bool(trial.found) and not trial.near:
-            wrong = f"false alarm: {trial.found}" if trial.found else f"not found: {trial.judged}"
+        if bool(trial.judged) != bool(trial.found or trial.doubt):
+            said = trial.found or trial.doubt
+            wrong = f"false alarm: {said}" if said else f"not found: {trial.judged}"
             print(f"{trial.task}: {trial.change}: {wrong}")
-    print(grid(HEADS, [[str(cell) for cell in row] for row in table(trials)]))
+    for heads, rows in ((HEADS, table(trials)), (HEADS_BY_HAND, by_hand(trials))):
+        print(grid(heads, [[str(cell) for cell in row] for row in rows]))
     if given.json is not None:
         given.json.write_text(json.dumps([asdict(trial) for trial in trials], indent=1), encoding="utf-8")
 

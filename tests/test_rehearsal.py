@@ -140,6 +140,27 @@ def test_what_is_on_a_bed_is_not_taken_from_beside_it() -> None:
     assert found(rehearsal, "go to the bed", "pick up the sandal from the bed", "pick up the toy from the bed") == []
 
 
+def test_furniture_nearby_is_in_doubt() -> None:
+    """Side by side, one may be in reach from the other: nobody knows where on them the things are."""
+    deeds = (*FETCH[:3], "put the bottle on the lamp")
+    for adjoining in (frozenset[tuple[str, str]](), frozenset({("fridge", "lamp")})):
+        rehearsal = Rehearsal(SKILLS, replace(KITCHEN, adjoining=adjoining, unmet=KnownStart().unmet))
+        (problem,) = rehearsal.problems(plan_of(*deeds))
+        code = "far" if adjoining else "impossible"
+        assert (problem.code, problem.severity, problem.pointer) == (code, "warning", "/segments/3/description")
+        assert problem.message.startswith("perhaps ") == (code == "far")
+
+
+def test_a_drive_to_what_is_in_a_hand_goes_nowhere() -> None:
+    """The robot stays where it was."""
+    deeds = (*FETCH[:3], "go to the bottle", "put the bottle on the table")
+    one = replace(KITCHEN, facts=KITCHEN.facts[:1], called={k: v for k, v in KITCHEN.called.items() if k != "b2"})
+    told = [("pointless", "/segments/3/description"), *impossible(4)]
+    assert found(Rehearsal(SKILLS, one), *deeds) == told
+    assert found(Rehearsal(SKILLS, KITCHEN), *deeds) == impossible(4), "there is another one in the fridge"
+    assert found(UNKNOWN, *deeds) == [], "nobody knows that there is no other"
+
+
 def test_what_changes_nothing_is_pointless() -> None:
     """Opening what is open can be done and is not needed."""
     deeds = (*FETCH[:2], "open the fridge", *BOTH[2:])

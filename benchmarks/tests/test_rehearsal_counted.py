@@ -24,14 +24,21 @@ def test_a_plan_on_file_works_and_one_without_its_open_door_fails() -> None:
     good, bad = (Mutant("bringing_water", "a step left out", "", segments) for segments in (whole, shut))
     assert judged(good) == ""
     first, second = tried([good, bad])
-    assert (first.judged, first.found, first.near) == ("", "", False)
+    assert (first.judged, first.found, first.doubt) == ("", "", "")
     assert second.judged
     assert "fridge is closed" in second.found
 
 
 def test_a_row_counts_each_trial_once() -> None:
-    """What fails is found, near furniture, or missed; what works may be blamed for nothing."""
+    """What fails is found, in doubt, or missed; what works may be blamed or doubted for nothing."""
     kind = next(iter(KINDS))
-    cases = [("why", "this", False), ("why", "", True), ("why", "", False), ("", "", True), ("", "this", False)]
+    cases = [
+        ("why", "this", "far"),
+        ("why", "", "far"),
+        ("why", "", ""),
+        ("", "", ""),
+        ("", "this", ""),
+        ("", "", "far"),
+    ]
     trials = [Trial("task", kind, "", *case) for case in cases]
-    assert table(trials)[0] == [kind, 5, 3, 1, 1, 1, 2, 1]
+    assert table(trials)[0] == [kind, 6, 3, 1, 1, 1, 3, 2]

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import islice
 
 from mpvi_bt.executive.completion import criteria
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.history import History
-from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Plan
+from mpvi_bt.executive.plan.schema import Navigation, Plan, Segment
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
 from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
@@ -37,10 +38,12 @@ class Rehearsal:
         self._skills, self._start = skills, start or KnownStart()
 
     def problems(self, plan: Plan, marks: SourceMarks | None = None, history: History | None = None) -> list[Problem]:
-        """What is wrong with a plan, in its order; warnings, and notes of what was not rehearsed.
+        """What is wrong with a plan: warnings, and notes of what was not rehearsed.
 
         The first impossible segment ends the rehearsal: nobody knows how things would be after it. Words may mean one
         or another of things that are alike: wrong is what is so whether the first or the last of them is taken first.
+        Where things lie on furniture nobody knows: what is impossible only if furniture side by side is out of reach of
+        each other is in doubt, with the code "far".
 
         Args:
             plan: A valid plan.
@@ -50,6 +53,16 @@ class Rehearsal:
         """
         marks = marks or SourceMarks.unplaced(plan.model_dump(mode="json"), f"<{plan.task_name}>")
         start = self._start if history is None else _by_now(history, self._start.hands)
+        found = self._found(plan, replace(start, adjoining=frozenset()), marks)
+        far = next((problem for problem in found if problem.code == "impossible"), None)
+        if far is None or not start.adjoining:
+            return found
+        found = self._found(plan, start, marks)
+        if any(problem.pointer == far.pointer for problem in found):
+            return found
+        return [replace(far, code="far", message=f"perhaps {far.message}"), *found]
+
+    def _found(self, plan: Plan, start: KnownStart, marks: SourceMarks) -> list[Problem]:
         readings: list[tuple[int, list[Problem]]] = []
         for backward in (False, True):
             world = PaperHands(start, backward)
@@ -63,10 +76,8 @@ class Rehearsal:
         for i, segment in enumerate(plan.segments):
             world.done, at = i, ("segments", i)
             try:
-                if isinstance(segment, Navigation):
-                    drive(world, segment)
-                    continue
-                criterion = criteria.parse(segment.completion_criterion)
+                driven = isinstance(segment, Navigation)
+                criterion = None if driven else criteria.parse(segment.completion_criterion)
                 before = criterion and world.so(criterion)
                 for idle in self._carry_out(world, segment, criterion):
                     message = f"{_said(segment.description)} changes nothing: {idle}"
@@ -92,10 +103,12 @@ class Rehearsal:
             message = f"the plan does not reach the goal: at its end {'; '.join(unmet)}"
             yield marks.problem(("segments",), "goal-unmet", message, severity="warning")
 
-    def _carry_out(
-        self, world: PaperHands, segment: Manipulation, criterion: criteria.Criterion | None
-    ) -> Iterator[str]:
-        """Do what a manipulation says. Yields why something in it changes nothing."""
+    def _carry_out(self, world: PaperHands, segment: Segment, criterion: criteria.Criterion | None) -> Iterator[str]:
+        """Do what a segment says. Yields why something in it changes nothing."""
+        if isinstance(segment, Navigation):
+            if (idle := drive(world, segment)) is not None:
+                yield idle
+            return
         calls = [match(said, self._skills) for said in clauses(segment.description, self._skills)]
         known = all(call is not None and call.skill.effects.slots for call in calls)
         if not known and not world.bring_about(criterion):
@@ -120,21 +133,24 @@ class _Unknown(Exception):
     """Nobody knows what a segment does."""
 
 
-def drive(world: PaperHands, segment: Navigation) -> None:
-    """Drive to what a segment names, in its room first, and then anywhere: robots search."""
+def drive(world: PaperHands, segment: Navigation) -> str | None:
+    """Drive to what a segment names, in its room first, and then anywhere: robots search. Returns why that is idle."""
     room = normalize(segment.room or "")
     rooms = {normalize(r): r for r in world.start.rooms.values()}
     phrase = _DRIVE.sub("", segment.description, count=1)
     phrase = phrase if normalize(segment.target) in normalize(phrase) else segment.target
-    meant = [t for t in world.meant(phrase) or world.meant(segment.target) if t not in world.held.values()]
+    named = world.meant(phrase) or world.meant(segment.target)
+    meant = [t for t in named if t not in world.held.values()]
     if not meant and (there := rooms.get(normalize(segment.target))) is not None:
         world.room = world.place = there
         world.spot = {there}
-        return
+        return None
+    if named and not meant and not world.guessed & {*named} and not world.start.partial:
+        return f"{world.name(named[0])} is in a hand"
     if not meant:
         world.place = world.guess(segment.target)
         world.spot = {world.place}
-        return
+        return None
     there_too = [t for t in meant if not room or normalize(world.room_of(t)) == room] or meant
     seen = [t for t in there_too if world.shut_in(t) is None]
     if not seen:
@@ -146,3 +162,4 @@ def drive(world: PaperHands, segment: Navigation) -> None:
         world.place = next((t for t in reversed(world.used) if t in there_too), there_too[0])
     world.room = world.room_of(world.place)
     world.spot = {world.place}
+    return None
