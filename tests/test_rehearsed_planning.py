@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from click.testing import CliRunner
 from mpvi_bt import check
 from mpvi_bt.apps.cli.check import check as check_command
 from mpvi_bt.apps.cli.plan import plan as plan_command
+from mpvi_bt.apps.cli.run import run as run_command
 from mpvi_bt.apps.mcp_server.run_processes import RunProcesses
 from mpvi_bt.apps.mcp_server.tools import Tools
+from mpvi_bt.executive.language.chat import ChatModel
 from mpvi_bt.executive.language.scripted_model import ScriptedChatModel
 from mpvi_bt.executive.plan.answer_form import answer_text
 from mpvi_bt.executive.plan.history import History, SeenObject, Unit
@@ -22,6 +25,9 @@ from mpvi_bt.executive.plan.schema import Plan, load_plan
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground import paths
 from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.language_models import Models
+from mpvi_bt.runs.choices.planning import make_planner
 from mpvi_bt.runs.choices.rehearsing import make_rehearsal
 
 SKILLS = load_skills()
@@ -78,6 +84,16 @@ def test_mpvi_plan_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert "fridge is closed" in result.stderr
 
 
+def test_a_run_tells_it_and_goes_on(tmp_path: Path) -> None:
+    """Of a plan that is given, once, before the run begins; the plan on file gives no such line."""
+    path = tmp_path / "p.json"
+    for plan, told in ((SHUT, 1), (GOOD, 0)):
+        path.write_text(plan.to_json())
+        result = CliRunner().invoke(run_command, ["--dry", "--plan", str(path), "--out", str(tmp_path)])
+        assert result.stderr.count("the fridge is closed, and the bottle is in it") == told
+        assert result.exit_code == 0
+
+
 def test_agents_are_told(tmp_path: Path) -> None:
     """A plan that is impossible is not ok; one that only leaves the goal unmet is."""
     tools = Tools(RunProcesses(tmp_path))
@@ -111,9 +127,16 @@ def test_a_plan_that_stays_impossible_is_used_with_a_doubt() -> None:
 
 
 def test_amid_an_episode_it_is_refused_with_the_reason() -> None:
-    """The old plan goes on then, and the run's log says why: by what the hands hold now."""
+    """With `--on-failure replan` the old plan goes on then, and the run's log says why: by what the hands hold now."""
     history = History((Unit("x", "timeout"),), (), (SeenObject("cup", held=True), SeenObject("can", held=True)))
-    planner, _ = asked(*[GOOD] * (REPAIRS + 1))
+    model = ScriptedChatModel([answer_text(GOOD)] * (REPAIRS + 1))
+
+    class Scripted(Models):
+        def make(self, given: str, tell: Callable[[str], None] = lambda line: None) -> ChatModel:
+            return model
+
+    config = EpisodeConfig(task="bringing_water", planner="openai:any", on_failure="replan")
+    planner = make_planner(config, load_task("bringing_water"), Scripted(config))
     with pytest.raises(NoPlan, match="a hand has to be free") as refused:
         planner.ask("bringing_water", GOOD.instruction, history)
     assert (refused.value.reason, len(refused.value.answers)) == ("bad_answer", REPAIRS + 1)

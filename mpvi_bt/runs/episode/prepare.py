@@ -32,7 +32,7 @@ from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.runs.choices.lateness import latency_of
 from mpvi_bt.runs.choices.named_task import rooms_of, task_named
-from mpvi_bt.runs.choices.planning import ground, make_planner, planner_of
+from mpvi_bt.runs.choices.planning import ground, make_planner, plan_findings, planner_of
 from mpvi_bt.runs.choices.policies import check_policy_choice, rate_doubt
 from mpvi_bt.runs.choices.simulators import check_simulator_choice
 from mpvi_bt.runs.episode.capability_checks import check_hands
@@ -57,6 +57,7 @@ class Prepared:
         saved: Where it was stopped, if it goes on from there.
         planner: Makes a new plan where a unit fails that asks for one, or None.
         calibration: Thresholds of monitors, or None.
+        plan: The plan that was given, with the marks of its file; None: none was.
     """
 
     task: Task | None
@@ -68,6 +69,7 @@ class Prepared:
     saved: SavedEpisode | None = None
     planner: Planner | None = None
     calibration: Calibration | None = None
+    plan: tuple[Plan, SourceMarks] | None = None
 
     @property
     def doubt(self) -> str:
@@ -96,7 +98,7 @@ def prepare(
     """
     task = task_named(config.task) if config.task else None
     skills, arguments = load_skills(), dict(config.arguments)
-    models, planned = Models(config), None
+    models, planned, plan = Models(config), None, None
     arrange = arrangement(config, skills)
     if arguments and config.tree is None:
         raise UserError("only a tree of a file has parameters; name one with --tree.")
@@ -112,7 +114,7 @@ def prepare(
         spec = _tree(given if isinstance(given, TreeSpec) else config.tree, task, skills, arguments)
     elif config.plan is not None:
         plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, sides_of(config.robot))
-        spec = compile_plan(plan, skills, config.on_failure, config.drive, arrange)
+        spec = compile_plan(plan[0], skills, config.on_failure, config.drive, arrange)
     elif task is not None and config.planner == NOBODY:
         spec = compile_instruction(config.task_name, task.instruction)
     elif task is not None:
@@ -135,7 +137,7 @@ def prepare(
         rules.check(spec)
     planner = _replanner(config, task, models, spec, skills, given)
     known = calibration_of(config)
-    return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=known)
+    return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=known, plan=plan)
 
 
 def calibration_of(config: EpisodeConfig) -> Calibration | None:
@@ -214,7 +216,9 @@ def _tree(
     return spec
 
 
-def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], sides: tuple[Side, ...]) -> Plan:
+def _plan(
+    given: str | Plan, task: Task | None, skills: Mapping[str, Skill], sides: tuple[Side, ...]
+) -> tuple[Plan, SourceMarks]:
     if isinstance(given, Plan):
         plan, marks = given, SourceMarks(named(given))
     else:
@@ -223,13 +227,17 @@ def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], sid
     found = plan_problems(plan, skills, ground(task.house, task, sides) if task else None, marks)
     if wrong := [problem for problem in found if problem.severity == "error"]:
         raise FileProblems(wrong)
-    return plan
+    return plan, marks
 
 
 def doubts(config: EpisodeConfig, prepared: Prepared, dry: bool = False) -> list[str]:
-    """Warnings about a run that can begin, one a line."""
+    """Warnings about a run that can begin, one a line; of a plan that was given, what its rehearsal finds, too."""
     of_plan = prepared.planned.doubts if prepared.planned else ()
     said = [prepared.doubt, *(f"{p.pointer}: {p.message} [{p.code}]" for p in of_plan)]
+    if prepared.plan is not None:
+        plan, marks = prepared.plan
+        site = ground(prepared.task.house, prepared.task, sides_of(config.robot)) if prepared.task else None
+        said += [str(p) for p in plan_findings(plan, marks, prepared.task, site) if p.severity == "warning"]
     if not dry:
         said += [
             make_detector(config.detector, {}, config.seed).note,
@@ -316,7 +324,7 @@ def _replanner(
         return make_planner(config, task, models)
     sides = sides_of(config.robot)
     if config.plan is not None:
-        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, sides)
+        plan, _ = _plan(given if isinstance(given, Plan) else config.plan, task, skills, sides)
         return LaterPlanner(plan, skills, sides)
     if task is None or task.plan is None or config.tree is not None:
         return None
