@@ -257,7 +257,13 @@ def test_settings_of_a_pair_are_those_of_the_one_that_can_have_some(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("version", "said"), [(None, r"need lerobot.*\[lerobot\]"), ("0.3.3", "0.3.3 is installed, and 0.4 is known")]
+    ("version", "said"),
+    [
+        (None, r"need lerobot.*\[lerobot\]"),
+        ("0.3.3", "0.3.3 is installed, and 0.4 to 0.6 are known"),
+        ("0.7.0", "0.7.0 is installed, and 0.4 to 0.6 are known"),
+        ("0.10.1", "0.10.1 is installed"),
+    ],
 )
 def test_lerobot_is_asked_for_in_a_line(
     trained: Path, monkeypatch: pytest.MonkeyPatch, version: str | None, said: str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,18 +21,24 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.protocol import Proprioception
 
-TESTED = "0.4"  # of lerobot: 0.4.4 was tried
+OLDEST, NEWEST = "0.4", "0.6"  # of lerobot: 0.4.4 and 0.6.1 were tried
 
 
 def require_lerobot() -> None:
-    """Raise UserError if lerobot is not installed, or is of another version than what was tried."""
+    """Raise UserError if lerobot is not installed, or is older or newer than what was tried."""
     try:
         version = importlib.metadata.version("lerobot")
     except importlib.metadata.PackageNotFoundError:
         said = f"checkpoints of LeRobot's need lerobot, in an environment of its own: {install('lerobot')}"
         raise UserError(f"{said} (docs/lerobot.md)") from None
-    if not version.startswith(f"{TESTED}."):
-        raise UserError(f"lerobot {version} is installed, and {TESTED} is known here: {install('lerobot')}")
+    if not _series(OLDEST) <= _series(version) <= _series(NEWEST):
+        known = f"{OLDEST} to {NEWEST} are known here"
+        raise UserError(f"lerobot {version} is installed, and {known}: {install('lerobot')}")
+
+
+def _series(version: str) -> list[int]:
+    """The first two numbers of a version."""
+    return [int(number) for number in re.findall(r"\d+", version)[:2]]
 
 
 class LerobotPolicy:
