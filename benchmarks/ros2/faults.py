@@ -174,6 +174,8 @@ def trial(fault: str, number: int, seed: int) -> Trial:
             if (word := bridge.hear(BEGIN_S)) != "ready":
                 return Trial(fault, math.nan, "not begun", str(word))
             time.sleep(draw.uniform(0.7, 1.7))
+            if (word := bridge.hear(0.0)) is not None:  # a busy machine kept states from it
+                return Trial(fault, math.nan, "ended before", str(word))
             at = time.monotonic()
             ended = _happen(fault, number, file, robot, bridge, children)
             if fault == "two bridges on one robot":  # the second one looks around before it commands
