@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,50 @@ def test_the_first_policy_may_be_held_to_some_skills():
     assert first.did == ["pick up the can"]
     assert second.did == ["put the can in the bin", "put the can on the table"]
     assert both.prompts == {"a": 1, "b": 2}
+
+
+class Silent:
+    """A policy that does whatever it is told, and never says that it has ended, such as one of LeRobot's."""
+
+    name, cameras, rate_hz = "silent", (), 10.0
+
+    def __init__(self):
+        self.told = []
+
+    def reset(self):
+        pass
+
+    def infer(self, observation):
+        self.told.append(observation["prompt"])
+        return np.zeros((5, 23))
+
+
+def felt(holding):
+    """A robot at rest whose right hand holds something, or is closed and empty."""
+    widths = {**AT_REST.gripper_width, "right": 0.05 if holding else 0.0}
+    commands = {**AT_REST.gripper_command, "right": -1.0}
+    return replace(AT_REST, gripper_width=widths, gripper_command=commands)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "only", "held", "chunks"),
+    [
+        # One look before the first chunk of half a second tells how it began; then two chunks make a second.
+        ("pick up the can, then put the can in the bin", "pick", "--++++", 2),
+        ("pick up the can, then put the can in the bin", "pick", "--+-++", 4),
+        ("pick up the can, then put the can in the bin", "pick", "------", 5),
+        ("put the can in the bin, then pick up the can", "place_in", "++----", 2),
+        ("open the drawer, then pick up the can", "open", "--++++", 5),
+    ],
+)
+def test_a_policy_that_cannot_say_that_it_has_ended_is_felt_to(prompt, only, held, chunks):
+    """A clause that brings something into a hand, or out of it, ends once that has been so for a second."""
+    first, second = Silent(), Doer("b", "pick", "put")
+    both = WithBackup(first, second, SKILLS, only=(only,))
+    for sign in held:
+        both.infer({"prompt": prompt, "proprioception": felt(sign == "+"), "images": {}})
+    assert first.told == [prompt.partition(", then ")[0]] * chunks
+    assert second.asked == (2 if chunks == 2 else 0)
 
 
 def test_what_neither_can_do_is_given_up():

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from mpvi_bt.executive.actions.felt_end import FeltEnd
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.action_chunk import ask
@@ -13,14 +14,16 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import NO_SKILL, Policy
 from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.action_rows import standing
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 
 
 class WithBackup:
     """`mpvi_bt.ground.protocols.Policy` of two.
 
     The first one is told the whole prompt. Where it says `NO_SKILL`, it is told one clause after the other, and the
-    second one those that it has no skill for; the next clause comes once the one at work has `ended`. Where the first
-    one is to use some of its skills only, it is not asked about the others.
+    second one those that it has no skill for; the next clause comes once the one at work has `ended`. One that cannot
+    say so has ended when a hand has held what it was to hold, or let go of it, for a second. Where the first one is to
+    use some of its skills only, it is not asked about the others.
 
     Attributes:
         name: Both names, joined by "+".
@@ -101,6 +104,7 @@ class WithBackup:
         self._second.reset()
         self._at: Policy = self._first
         self._prompt, self._told, self._left = "", "", list[str]()
+        self._felt_end, self._rows = FeltEnd(None), 0
 
     def close(self) -> None:
         """Close both."""
@@ -113,7 +117,7 @@ class WithBackup:
             self.reset()
             self._prompt = str(observation["prompt"])
             self._tell(self._first, self._prompt)
-        elif self._left and self._done:
+        elif self._left and (self._done or self._feels_done(observation["proprioception"])):
             self._tell(self._first, self._left.pop(0))
         if barred := self._barred():
             chunk = standing(observation["proprioception"])[None]
@@ -123,12 +127,20 @@ class WithBackup:
             self._pass_on()
             chunk = chunk[:1]  # the cameras of the next one at work come with the next observation
         self.steps[self._at.name] += len(chunk)
+        self._rows = len(chunk)
         return chunk
 
     def _tell(self, policy: Policy, prompt: str) -> None:
         policy.reset()
         self._at, self._told = policy, prompt
         self.prompts[policy.name] += 1
+        call = match(prompt, self._skills)
+        self._felt_end, self._rows = FeltEnd(None if call is None else call.skill), 0
+
+    def _feels_done(self, body: Proprioception) -> bool:
+        """Whether a policy that cannot say that it has ended has done a clause by which a hand holds more, or less."""
+        since_s = self._rows / (self.rate_hz or CONTROL_HZ)
+        return not hasattr(self._at, "ended") and self._felt_end.felt(body, since_s)
 
     def _barred(self) -> bool:
         """Whether the first one is at work and not to use a skill that it was told to."""

@@ -1,0 +1,37 @@
+"""The end of a pick or a place as the hands feel it, for policies that never say that they have ended."""
+
+from __future__ import annotations
+
+from mpvi_bt.executive.plan.skill_effects import RELEASING
+from mpvi_bt.executive.plan.skills import Skill
+from mpvi_bt.ground.robot.protocol import Proprioception
+
+STEADY_S = 1.0  # our choice: a hand that has slipped off, or only touches, holds nothing for so long
+
+
+class FeltEnd:
+    """Watches the hands during a clause whose skill brings something into a hand, or lets it go.
+
+    Args:
+        skill: Of the clause; None: it has none, so that nothing is felt of its end.
+    """
+
+    def __init__(self, skill: Skill | None) -> None:
+        told = skill.effects.model_dump() if skill is not None else {}
+        self._more = 1 if told.get("held") else -1 if any(told.get(term) for term in RELEASING) else 0
+        self._before: int | None = None  # hands that held something when it began
+        self._so_for_s = 0.0
+
+    def felt(self, body: Proprioception, since_s: float) -> bool:
+        """Whether a hand has held something, or let go of it, for a second.
+
+        Args:
+            body: What is felt now.
+            since_s: Time since it was asked last.
+        """
+        holding = sum(body.holds(side) for side in body.sides)
+        if self._before is None:
+            self._before = holding
+        changed = self._more and (holding - self._before) * self._more > 0
+        self._so_for_s = self._so_for_s + since_s if changed else 0.0
+        return self._so_for_s >= STEADY_S
