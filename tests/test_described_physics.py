@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
@@ -105,3 +106,26 @@ def test_moments_of_inertia_that_cannot_be_are_raised(tmp_path: Path) -> None:
     light.layout.set_velocity(action, np.array([0.3, 0.0, 0.0]))
     act(made, action, 1.0)
     assert made.robot.proprioception().base_pose[0] > 0.2
+
+
+def test_a_base_alone_drives(tmp_path: Path) -> None:
+    """Of a robot without arm, torso or head joint, such as one that only looks around."""
+    shutil.copy(FILE.with_suffix(".urdf"), tmp_path)
+    told = yaml.safe_load(FILE.read_text())
+    for key in ("arms", "grippers", "torso"):
+        del told[key]
+    del told["cameras"]["right"]
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(told))
+    alone = read_robot(tmp_path / "robot.yaml")
+    made = SimWorld(small_house(), {}, np.zeros(3), render=False, robot=alone)
+    act(made, np.array([0.3, 0.0]), 1.0)
+    assert made.robot.proprioception().base_pose[0] > 0.2
+
+
+def test_a_urdf_that_the_simulator_cannot_read_is_told(tmp_path: Path) -> None:
+    """In a line with what its loader says, not with a traceback."""
+    urdf = FILE.with_suffix(".urdf").read_text()
+    (tmp_path / "robot.urdf").write_text(urdf.replace('<material name="dark">', '<material name="dark"><texture/>', 1))
+    shutil.copy(FILE, tmp_path)
+    with pytest.raises(UserError, match="robot: the simulator cannot build its URDF"):
+        SimWorld(small_house(), {}, np.zeros(3), render=False, robot=read_robot(tmp_path / "robot.yaml"))

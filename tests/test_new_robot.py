@@ -139,3 +139,12 @@ def test_robots_are_listed(mpvi: Shell) -> None:
     """By name, each with what its file says about it."""
     lines = dict(line.split(maxsplit=1) for line in mpvi("list", "robots").stdout.splitlines())
     assert {"r1", "r1pro", "fetch"} <= lines.keys()
+
+
+def test_a_base_frame_above_the_floor_is_told(tmp_path: Path) -> None:
+    """As of a walker's hip, below which its legs are."""
+    raised = tmp_path / "raised.urdf"
+    raised.write_text(SIX.read_text().replace('<origin xyz="0 0 0.17"/>', '<origin xyz="0 0 -0.37"/>'))
+    (written,) = new_robot("quite_new", raised, tmp_path).write(tmp_path)
+    assert read_robot(written).above_floor_m == pytest.approx(0.37 + 0.13)
+    assert mpvi_bt.check(written) == []

@@ -172,3 +172,23 @@ def test_a_joint_that_mimics_another_follows_it(folder: Path) -> None:
     )
     assert low == pytest.approx(0.2 + 0.1)
     assert high == pytest.approx(0.2 + 0.1 + 2 * 0.25)
+
+
+def test_a_fixed_joint_follows_none(folder: Path) -> None:
+    """Though its URDF says so, as some do of what they have fixed."""
+    still = '<joint name="still" type="fixed"><parent link="hand"/><child link="pad"/><mimic joint="lift"/></joint>'
+    text = (folder / "robot.urdf").read_text()
+    (folder / "robot.urdf").write_text(text.replace("</robot>", f'<link name="pad"/>{still}</robot>'))
+    assert read_robot(folder / "robot.yaml").tree.joints["still"].mimic is None
+
+
+def test_a_link_below_the_floor_is_a_warning(folder: Path) -> None:
+    """With how high the base frame would have to be; robots that ship have none."""
+    text = (folder / "robot.yaml").read_text()
+    (folder / "robot.yaml").write_text(text.replace("kind: differential", "kind: differential\n  above_floor_m: -0.1"))
+    (found,) = lint_robot_file(*load_marked(folder / "robot.yaml"))
+    assert (found.code, found.severity) == ("below-floor", "warning")
+    assert "0.10 m below the floor" in found.message
+    assert "`above_floor_m: 0.00`" in found.message
+    for file in (*FOLDER.glob("*.yaml"), *EXAMPLE.parent.glob("*_joints/robot.yaml")):
+        assert lint_robot_file(*load_marked(file)) == []

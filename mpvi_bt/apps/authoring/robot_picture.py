@@ -8,12 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from mpvi_bt.apps.authoring.robot_panel import AXES, INK, PAPER, RobotPanel, View
-from mpvi_bt.apps.authoring.robot_shapes import DrawnLink, drawn_links
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.described import DescribedRobot
 from mpvi_bt.ground.robot.outermost import heading_vectors, joint_places, tcp_outermost
 from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.ground.robot.robot_shapes import DrawnLink, drawn_links
 from mpvi_bt.runs.recording.labels import Color, Picture
 
 _WIDTH_PX = 1400  # of the finished picture; drawn at twice that and shrunk

@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
-from mpvi_bt.apps.authoring.robot_shapes import link_points
 from mpvi_bt.apps.authoring.skeletons import Skeleton, checked_name
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
@@ -20,6 +19,7 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.base_reading import base_link
 from mpvi_bt.ground.robot.kinematic_chain import BaseFrame
 from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.ground.robot.robot_shapes import link_points
 from mpvi_bt.ground.robot.robots import FOLDER
 from mpvi_bt.ground.robot.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
 
@@ -32,6 +32,7 @@ _TCP = re.compile("tcp|eef|end_effector|tool|grasp")
 _RADIUS_M, _SPEED, _TURN = 0.3, 0.5, 1.0  # our choice, where a URDF tells nothing: of a slow indoor base
 _JOINT_SPEED, _OPENING_M, _FOV_RAD = 1.0, 0.08, 0.75  # our choice likewise
 _LEAST_M = 0.2  # our choice: no base with an arm is smaller; the foot of an arm is
+_BELOW_M = 0.03  # our choice: wheels and pads of rubber are drawn as deep
 _BOXY = 0.9  # our choice: of the circle about a base, a box that is smaller is its outline
 _ARM_JOINTS = 4  # our choice: a way with fewer moving joints is no arm, but a head or a leg
 
@@ -143,6 +144,9 @@ class _Guess:
                 "base: no joint of a wheel was found. Of an arm alone, what carries it is its base: footprint_m, and "
                 "above_floor_m, how high its first link is above the floor"
             )
+        low = self._lowest()
+        if low < -_BELOW_M:
+            self.said.append(f"base.above_floor_m: {-low:.3f}, so that no link is below the floor, all joints at 0")
         outline = self._outline()
         if outline is None:
             spread = [float(norm(self._place(wheel.child)[:2])) for wheel in wheels]
@@ -156,9 +160,20 @@ class _Guess:
         return {
             "kind": kind,
             "link": self._base.link,
+            **({"above_floor_m": round(-low, 3)} if low < -_BELOW_M else {}),
             "footprint_m": outline,
             "speed": {"ahead": _SPEED, **sideways, "turn": _TURN},
         }
+
+    def _lowest(self) -> float:
+        """The height of the lowest point of its shapes in the base frame, all joints at 0; 0 if it has none."""
+        folder, low = Path(self._tree.file).resolve().parent, 0.0
+        for name, link in self._tree.links.items():
+            if self._tree.path(name, self._base.link) is not None:
+                T = self._base.chain(name, np.eye(4), ()).pose(np.zeros(0))
+                for points in link_points(link, folder):
+                    low = min(low, float((matmul(points, T[2, :3]) + T[2, 3]).min()))
+        return low
 
     def _outline(self) -> float | list[list[float]] | None:
         """Of the shapes of links that are fixed to the base: a radius, or corners where a box is far smaller.

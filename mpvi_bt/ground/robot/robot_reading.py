@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,11 @@ from mpvi_bt.ground.robot.mobile_base import MobileBase
 from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.robot_file import FramePart, RobotFile
 from mpvi_bt.ground.robot.robot_findings import RobotFindings
+from mpvi_bt.ground.robot.robot_shapes import drawn_links
 from mpvi_bt.ground.robot.trunk_reading import read_trunk
 from mpvi_bt.ground.robot.urdf_tree import read_urdf_tree
+
+_BELOW_M = 0.03  # our choice: wheels and pads of rubber are drawn as deep
 
 
 def read_robot(file: str | Path, name: str = "") -> DescribedRobot:
@@ -49,8 +53,17 @@ def check_robot_file(data: Any, marks: SourceMarks) -> DescribedRobot:
 
 
 def lint_robot_file(data: Any, marks: SourceMarks) -> list[Problem]:
-    """What may be worth knowing of a file without errors: meshes that are not there."""
-    return list(check_robot_file(data, marks).tree.missing_meshes())
+    """What may be worth knowing of a file without errors: meshes that are not there, and links below the floor."""
+    robot = check_robot_file(data, marks)
+    problems = list(robot.tree.missing_meshes())
+    low, link = min(((link.lowest_m, link.name) for link in drawn_links(robot)), default=(0.0, ""))
+    if low < -_BELOW_M:
+        message = (
+            f"link {link!r} reaches {-low:.2f} m below the floor as it drives; if the base frame is above the floor, "
+            f"say so: `above_floor_m: {robot.above_floor_m - low:.2f}`"
+        )
+        problems.append(replace(marks.problem(("base",), "below-floor", message, key=True), severity="warning"))
+    return problems
 
 
 def _made(data: Any, marks: SourceMarks, name: str) -> DescribedRobot:

@@ -17,6 +17,7 @@ T = TypeVar("T")
 Vector = tuple[float, float, float]
 Place = tuple[int, int]
 _KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
+_MOVING = ("revolute", "continuous", "prismatic")
 _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
@@ -81,7 +82,7 @@ class UrdfJoint:
     @property
     def moves(self) -> bool:
         """Whether it is a joint with one number of its own."""
-        return self.kind in ("revolute", "continuous", "prismatic") and self.mimic is None
+        return self.kind in _MOVING and self.mimic is None
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,7 @@ class _UrdfReader:
         axis = (axis[0] / (length or 1.0), axis[1] / (length or 1.0), axis[2] / (length or 1.0))
         limits, velocity = self._limits(name, kind, element)
         return UrdfJoint(name, kind, ends["parent"], ends["child"], xyz, rpy, axis, limits, velocity,
-                         self._mimic(element), element.place)  # fmt: skip
+                         self._mimic(element) if kind in _MOVING else None, element.place)  # fmt: skip
 
     def _limits(self, name: str, kind: str, element: Element) -> tuple[tuple[float, float] | None, float | None]:
         limit = _child(element, "limit")

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import sapien
 
+from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.limits import BASE_ACCELERATION, commanded, travel_action
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
@@ -36,7 +37,7 @@ class SimRobot(SimBody):
         torso = [(n, i) for i, n in enumerate(model.torso_joints, layout.torso.start) if n is not None]
         arms = [(n, layout.arm[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
         self._targets = [self._joints[n] for n, _ in (*torso, *arms)]
-        self._driven = np.array([i for _, i in (*torso, *arms)])  # where these are in an action
+        self._driven = np.array([i for _, i in (*torso, *arms)], int)  # where these are in an action
         self._kept = [i for i in range(layout.size) if i not in layout.base]
         if cameras is not None:
             for name, camera in model.cameras.items():
@@ -164,9 +165,16 @@ class SimRobot(SimBody):
 
 
 def load_robot(scene: sapien.Scene, model: RobotDescription, visible: bool) -> sapien.physx.PhysxArticulation:
-    """A robot's joints and links with its drives' gains, all joints at 0; `visible`: with what cameras see of it."""
+    """A robot's joints and links with its drives' gains, all joints at 0; `visible`: with what cameras see of it.
+
+    Raises:
+        UserError: The simulator cannot build its URDF.
+    """
     physics = physics_of(model)
-    articulation = _load(scene, physics, visible)
+    try:
+        articulation = _load(scene, physics, visible)
+    except (AssertionError, ValueError, KeyError, RuntimeError) as error:  # what its URDF loader raises of bad files
+        raise UserError(f"{model.name}: the simulator cannot build its URDF: {error}") from error
     joints = {joint.name: joint for joint in articulation.active_joints}
     for name, joint in joints.items():
         gains = physics.drives[name]

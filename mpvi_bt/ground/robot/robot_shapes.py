@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mpvi_bt.apps.authoring.mesh_points import mesh_points
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.described import DescribedRobot
 from mpvi_bt.ground.robot.kinematic_chain import BaseFrame, placed
+from mpvi_bt.ground.robot.mesh_points import mesh_points
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.ground.robot.urdf_tree import UrdfLink, UrdfShape, mesh_file
 
@@ -36,6 +36,11 @@ class DrawnLink:
     place: Array
     above: Array
     shapes: tuple[Array, ...]
+
+    @property
+    def lowest_m(self) -> float:
+        """The height of its lowest point above the floor; 0 if it has none."""
+        return min((float(points[:, 2].min()) for points in self.shapes), default=0.0)
 
 
 def drawn_links(robot: DescribedRobot) -> Iterator[DrawnLink]:
