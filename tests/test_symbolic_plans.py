@@ -17,15 +17,8 @@ from tests.test_plans50 import SKILLS, TASKS, plan_of, unmet
 pytest.importorskip("unified_planning")
 PATIENT_S = 120.0  # a busy machine must not change what is found
 
-# What it does not plan to the end: containers that are alike, two bowls of dice, what heat makes anew, pushing.
-MISSED = {
-    "assembling_gift_baskets",
-    "canning_food",
-    "cook_cabbage",
-    "getting_organized_for_work",
-    "make_microwave_popcorn",
-    "make_pizza",
-}
+# What it does not plan to the end: containers that are alike, and what heat makes anew.
+MISSED = {"assembling_gift_baskets", "cook_cabbage", "make_microwave_popcorn", "make_pizza"}
 FEW = ("bringing_water", "picking_up_trash", "turning_on_radio")
 
 
@@ -43,7 +36,7 @@ def test_a_plan_reaches_the_goal_on_paper(task: str) -> None:
 @pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.parametrize("task", sorted({*TASKS} - MISSED))
-def test_of_fifty_plans_forty_four_reach_the_goal(task: str) -> None:
+def test_of_fifty_plans_forty_six_reach_the_goal(task: str) -> None:
     """Without a model or a plan on file, whatever the goal's quantifiers."""
     assert unmet(task, planned(task)) == []
 

@@ -1,7 +1,7 @@
-"""A skill's needs and effects, in terms of its phrases' slots: the one place that rehearsal knows skills from.
+"""A skill's needs and effects, in terms of its phrases' slots: all that rehearsal and planner know of skills.
 
 Scripted policies read less: `needs.held`, and of the effects `held`, `open`, `inside`, `ontop`, `nextto` and `under`.
-The other terms tell rehearsal alone, so that a term more changes no motion: pouring ends `poured`, not `inside`, since
+The other terms tell these two alone, so that a term more changes no motion: pouring ends `poured`, not `inside`, since
 no hand lets go of a payload there, and for the same reason a hand-over ends `passed`, not `held`.
 """
 

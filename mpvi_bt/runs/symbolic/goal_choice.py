@@ -11,6 +11,7 @@ Cost = Callable[[Literal, bool], float]
 
 IMPOSSIBLE = 1e6
 _PLACED = ("inside", "ontop", "touching")
+_SAME = {"filled": "contains", "contains": "filled"}  # what is not to be so cannot be so by the other word either
 
 
 def choose_literals(formula: Formula, cost: Cost, chosen: Mapping[Literal, bool] | None = None) -> Wanted:
@@ -51,7 +52,8 @@ def _add(formula: Formula, positive: bool, cost: Cost, wanted: Wanted) -> float:
 def _literal(literal: Literal, positive: bool, cost: Cost, wanted: Wanted) -> float:
     if wanted.get(literal) == positive:
         return 0.0
-    clash = literal in wanted or (positive and _elsewhere(literal, wanted))
+    other = Literal(_SAME.get(literal.predicate, ""), literal.args)
+    clash = literal in wanted or wanted.get(other, positive) != positive or (positive and _elsewhere(literal, wanted))
     wanted.setdefault(literal, positive)
     return IMPOSSIBLE if clash else cost(literal, positive) + _crowding(literal, positive, wanted)
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
+from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Segment
+from mpvi_bt.executive.plan.skill_phrases import filled
+from mpvi_bt.executive.plan.skill_words import effects_words, shown_phrase
+from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.errors import with_article
 from mpvi_bt.ground.words.phrases import normalize
 from mpvi_bt.runs.symbolic.grounded_actions import GroundedAction
@@ -20,11 +24,13 @@ class Sentences:
     Args:
         told: What things are called.
         start: What is so before the first action.
+        skills: By name.
     """
 
-    def __init__(self, told: ToldFacts, start: Iterable[Atom]) -> None:
-        self.told, self.now, self.start, self.used = told, set(start), set(start), [""]
-        self.names = {thing: told.name(thing) for thing in told.things}
+    def __init__(self, told: ToldFacts, start: Iterable[Atom], skills: Mapping[str, Skill]) -> None:
+        self.told, self.skills = told, skills
+        self.now, self.start, self.used = set(start), set(start), [""]
+        self.names = {thing: told.name(thing) for thing in told.problem.objects}
 
     def segments(self, actions: list[GroundedAction]) -> tuple[Segment, ...]:
         """The segments. Waits for things of one kind are one segment."""
@@ -96,13 +102,27 @@ class Sentences:
 
     def _room(self, thing: str) -> str:
         seen, places = thing, {a[1]: a[3] for a in self.now if a[0] == "placed"}
+        places |= {a[2]: a[1] for a in self.start if a[0] == "covered"}
         while seen in places:
             seen = places[seen]
         return self.told.problem.rooms.get(seen, "")
 
     def _hands(self, action: GroundedAction) -> Manipulation:
-        said, criterion = getattr(self, f"_{action.skill}")(action, *action.args)
+        say = getattr(self, f"_{action.skill}", None)
+        said, criterion = say(action, *action.args) if say is not None else self._by_file(action)
         return Manipulation(type="manipulation", description=said, completion_criterion=criterion)
+
+    def _by_file(self, action: GroundedAction) -> tuple[str, str]:
+        """In the words of the skill's own phrase, and the state that its file tells."""
+        skill = self.skills[action.skill]
+        words = {slot: self.one(word) if word in self.names else word for slot, word in action.words.items()}
+        said = filled(shown_phrase(skill), words) or skill.name
+        by_hand = match(said + self._how(action), self.skills)
+        if skill.shows:
+            ends = filled(skill.shows, {slot: self.names.get(word, word) for slot, word in action.words.items()})
+        else:
+            ends = filled(effects_words(skill).partition(", ")[0], words)
+        return said + (self._how(action) if by_hand is not None and by_hand.skill == skill else ""), ends or said
 
     def _how(self, action: GroundedAction) -> str:
         return f" with the {action.hand} hand" if action.hand else ""
@@ -196,14 +216,19 @@ class Sentences:
         return f"open {self.one(thing)}{self._how(action)}", f"{self._a(thing)} is open"
 
     def _close(self, action: GroundedAction, thing: str) -> tuple[str, str]:
-        shut = [t for t in self._alike(thing) if ("open", t) not in self.now]
-        return f"close {self.one(thing)}{self._how(action)}", self._many(shut, "closed")
+        alike = self._alike(thing)
+        shut = [t for t in alike if ("open", t) not in self.now]
+        which = self.one(thing) if len(shut) == 1 else f"the open {self.names[thing]}"
+        if 1 < len(shut) < len(alike):
+            which = f"an open {self.names[thing]}"
+        return f"close {which}{self._how(action)}", self._many(shut, "closed")
 
     def _press(self, action: GroundedAction, thing: str, state: str) -> tuple[str, str]:
         return f"turn {state} {self.one(thing)}{self._how(action)}", f"{self._a(thing)} is turned {state}"
 
     def _wipe(self, action: GroundedAction, thing: str, tool: str, marks: str) -> tuple[str, str]:
-        return f"wipe {self.one(thing)} with the {self.names[tool]}", f"{self._a(thing)} is clean"
+        what = f"the {self.names[marks]} off the {self.names[thing]}" if self.told.is_floor(thing) else self.one(thing)
+        return f"wipe {what} with the {self.names[tool]}", f"{self._a(thing)} is clean"
 
     def _spray(self, action: GroundedAction, thing: str, tool: str) -> tuple[str, str]:
         done = [t for t in self._alike(thing) if any(a[0] == "covered" and a[1] == t for a in self.now)]
@@ -211,13 +236,13 @@ class Sentences:
         return f"spray {other} {self.names[thing]} with the {self.names[tool]}", self._many(done, "sprayed")
 
     def _light(self, action: GroundedAction, thing: str, tool: str) -> tuple[str, str]:
-        return f"light {self.one(thing)} with the {self.names[tool]}", f"{self._a(thing)} burns"
+        return f"light {self.one(thing)} with the {self.names[tool]}", self._burns(thing)
 
-    def _mount(self, action: GroundedAction, thing: str, target: str) -> tuple[str, str]:
-        return (
-            f"mount the {self.names[thing]} on {self.one(target)}{self._how(action)}",
-            f"the {self.names[thing]} is attached to {self._a(target)}",
-        )
+    def _burns(self, thing: str) -> str:
+        burning = [t for t in self._alike(thing) if ("on_fire", t) in self.now]
+        if len(burning) > 1:
+            return f"{_NUMBERS[min(len(burning), 10)]} {plural(self.names[thing])} burn"
+        return f"{self._a(thing)} burns"
 
     def _cut(self, action: GroundedAction, thing: str, place: str, tool: str, *pieces: str) -> tuple[str, str]:
         half = any("half" in self.names[piece].split() for piece in pieces)
@@ -238,9 +263,7 @@ class Sentences:
         names = plural(self.names[thing]) if len(done) > 1 else self.names[thing]
         verb = "are" if len(done) > 1 else "is"
         if state == "on_fire":
-            if len(done) > 1:
-                return f"wait until the {names} {verb} burning", f"{_NUMBERS[min(len(done), 10)]} {names} burn"
-            return f"wait until the {names} {verb} burning", f"the {names} burns"
+            return f"wait until the {names} {verb} burning", self._burns(thing)
         return f"wait until the {names} {verb} {state}", self._many(done, state)
 
 

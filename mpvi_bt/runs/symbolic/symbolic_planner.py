@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 from mpvi_bt.executive.plan.history import History
 from mpvi_bt.executive.plan.planners import NoPlan, Planned
 from mpvi_bt.executive.plan.schema import Plan
+from mpvi_bt.executive.plan.skills import Skill, load_skills
 from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
 from mpvi_bt.ground.errors import Problem, UserError
 from mpvi_bt.ground.marked_yaml import SourceMarks
@@ -17,16 +18,16 @@ from mpvi_bt.house.instances.tasks import Task, check_task
 from mpvi_bt.runs.symbolic.action_search import NoActions, find_actions, require_installed
 from mpvi_bt.runs.symbolic.facts_so_far import facts_so_far
 from mpvi_bt.runs.symbolic.goal_choice import IMPOSSIBLE, choose_literals
-from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, Actions
+from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS
+from mpvi_bt.runs.symbolic.grounded_skills import Actions
 from mpvi_bt.runs.symbolic.plan_sentences import Sentences
 from mpvi_bt.runs.symbolic.reachability import OutOfReach, out_of_reach
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts, told_facts
 
 LIMIT_S = 10.0  # our choice [s of wall time]
-_SKILL_OF = {  # what brings a predicate about
-    "inside": "place_in", "ontop": "place_on", "nextto": "place_next_to", "under": "place_under", "open": "open",
-    "toggled_on": "press", "cooked": "wait", "frozen": "wait", "hot": "wait", "on_fire": "light", "covered": "wipe",
-    "attached": "mount", "real": "cut", "gone": "cut",
+_TERMS = {  # of skills' effects that bring a predicate about, if it is not called so
+    "toggled_on": "on", "cooked": "meanwhile", "frozen": "meanwhile", "hot": "meanwhile", "on_fire": "burning",
+    "covered": "clean", "real": "cut", "gone": "cut",
 }  # fmt: skip
 
 
@@ -62,7 +63,7 @@ class SymbolicPlanner:
     def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
         """As `Planner.ask`; with a history to the same goal, from what is known then."""
         begun = told = told_facts(self._task)
-        full: set[str] = set()
+        full, skills = set[str](), load_skills()
         if history is not None:
             if self._so_far is None:
                 raise UserError("this symbolic planner is not told how to know things in the middle of an episode.")
@@ -72,14 +73,14 @@ class SymbolicPlanner:
         wanted = choose_literals(begun.problem.goal, lambda literal, so: _cost(told, literal, so))
         start = told.start | {("free", hand) for hand in HANDS if hand not in full}
         goal, never = ends(told, wanted, begun.start)
-        actions = Actions(told, wanted, goal).all()
+        actions = Actions(told, wanted, goal, skills).all()
         if (lost := out_of_reach(actions, start, goal, never)) is not None:
-            raise NoPlan("bad_answer", _why(lost), ())
+            raise NoPlan("bad_answer", _why(lost, skills.values()), ())
         try:
             found = find_actions(actions, start, goal, never, self._limit_s, self._tell)
         except NoActions as error:
             raise NoPlan("bad_answer", f"no plan leads to the goal of {task_name}: {error}", ()) from None
-        segments = Sentences(told, start).segments([action for action in found if action.skill])
+        segments = Sentences(told, start, skills).segments([action for action in found if action.skill])
         if not segments:
             raise NoPlan("nothing_left", "the goal is met", ())
         return Planned(Plan(task_name=task_name, instruction=instruction or self._task.instruction, segments=segments))
@@ -147,7 +148,7 @@ def _cost(told: ToldFacts, literal: Literal, so: bool) -> float:
     return DRIVE_COST * max(len(rooms), 1) + 2.0
 
 
-def _why(lost: OutOfReach) -> str:
+def _why(lost: OutOfReach, skills: Iterable[Skill]) -> str:
     """Why a condition cannot be met, in words, with the nearest skill."""
     if not lost.so:
         return f"no skill ends {_literal(lost.atom)}"
@@ -155,8 +156,10 @@ def _why(lost: OutOfReach) -> str:
         return (
             f"no skill brings {_literal(lost.atom)} about: {lost.skill} needs {_literal(lost.lacks)}, which cannot be"
         )
-    skill = _SKILL_OF.get(lost.atom[2] if lost.atom[0] == "placed" else lost.atom[0])
-    return f"no skill brings {_literal(lost.atom)} about" + (f"; the nearest skill is {skill}" if skill else "")
+    predicate = lost.atom[2] if lost.atom[0] == "placed" else lost.atom[0]
+    term = _TERMS.get(predicate, predicate)
+    nearest = next((skill.name for skill in skills if getattr(skill.effects, term, None)), None)
+    return f"no skill brings {_literal(lost.atom)} about" + (f"; the nearest skill is {nearest}" if nearest else "")
 
 
 def _literal(atom: Atom) -> str:
