@@ -65,7 +65,7 @@ def actions(data: bytes) -> bytes:
 
 def fields(message: bytes) -> dict[int, Any]:
     """Number to value of a message of Protocol Buffers, of integers and bytes."""
-    at, found = 0, {}
+    at, found = 0, dict[int, Any]()
 
     def number() -> int:
         nonlocal at

@@ -79,7 +79,7 @@ class _Call:
 
 
 # The reader in Python: the one in C takes memory for an index that a pickle names, however large it is.
-class _Reader(pickle._Unpickler):  # type: ignore[misc, name-defined]
+class _Reader(pickle._Unpickler):
     known: Mapping[tuple[str, str], Any] = {}
 
     def find_class(self, module: str, name: str) -> Any:
