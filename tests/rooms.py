@@ -36,7 +36,16 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "finding": (("perception", "shapes"), ("scene",), ("navigation",)),
     "hands": (("robots", "behavior_robot", "stance"), ("motion", "learned"), ("skills",), ("policies",)),
-    "house": (("states",), ("goals",), ("things", "truth"), ("layout",), ("sim",), ("instances",), ("maniskill",)),
+    "house": (
+        ("states",),
+        ("goals",),
+        ("things", "truth"),
+        ("generated",),
+        ("layout",),
+        ("sim",),
+        ("instances",),
+        ("maniskill",),
+    ),
     "runs": (
         ("recording", "disturbances"),
         ("datasets", "symbolic"),

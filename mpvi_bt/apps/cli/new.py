@@ -130,11 +130,16 @@ def robot(
 
 @new.command()
 @_named
-def house(name: str, root: Path | None, as_json: bool) -> None:
-    """A house of two rooms."""
+@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Draw a furnished house by this seed.")
+@click.option("--rooms", metavar="ROOM,...", help="Its rooms, such as kitchen,living_room.  [default: all]")
+def house(name: str, root: Path | None, as_json: bool, seed: int | None, rooms: str | None) -> None:
+    """A house: of two rooms, or furnished by a seed."""
     from mpvi_bt.apps.authoring.skeletons import new_house
 
-    _write(new_house(name), root, as_json)
+    if rooms is not None and seed is None:
+        raise click.UsageError("--rooms is of a drawn house; give --seed.")
+    named = () if rooms is None else tuple(room.strip() for room in rooms.split(","))
+    _write(new_house(name, seed, named), root, as_json)
 
 
 @new.command()

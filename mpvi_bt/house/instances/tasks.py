@@ -15,6 +15,7 @@ from mpvi_bt.ground.errors import FileProblems, Problem, UserError
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
+from mpvi_bt.house.generated.seeded_name import seed_of
 from mpvi_bt.house.goals.formula import Literal, literals, signed
 from mpvi_bt.house.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem
@@ -28,6 +29,8 @@ from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
 
+HouseName = Annotated[str, Field(pattern=r"^(generated:[0-9]{1,9}|[A-Za-z0-9][A-Za-z0-9_\-]*)$", max_length=100)]
+
 
 class Task(Record):
     """One task (tasks/*.yaml).
@@ -35,7 +38,7 @@ class Task(Record):
     Attributes:
         instruction: What the robot is told.
         problem: Activity of the `bddl` distribution whose goal scores it.
-        house: Where it is (tasks/houses/).
+        house: Where it is: a house of tasks/houses/, or "generated:7", which a seed draws.
         bindings: Synset of every movable object to its catalogue entry.
         plan: Recorded plan (tasks/plans/); None: one is made by the goal, with the symbolic planner.
         tree: The plan's compiled tree (trees/), for people to read and change; None: it is compiled where it is wanted.
@@ -46,7 +49,7 @@ class Task(Record):
 
     instruction: Annotated[str, Field(min_length=1, max_length=2000)]
     problem: str
-    house: Name
+    house: HouseName
     bindings: dict[str, Name]
     plan: Name | None = None
     tree: Name | None = None
@@ -119,6 +122,7 @@ def _check_names(task: Task, marks: SourceMarks) -> list[Problem]:
         marks.unknown((key,), key, given, names)
         for key, names in known.items()
         if (given := getattr(task, key)) is not None and given not in names
+        if key != "house" or seed_of(given) is None
     ]
     if task.time_budget_s is None and task.problem in known["problem"] and task.problem not in human_stats():
         message = f"no human did {task.problem!r}, so time_budget_s must be given"
@@ -148,8 +152,28 @@ def _check_bindings(task: Task, problem: BddlProblem, catalogue: Catalogue, mark
 
 def _check_playable(task: Task, problem: BddlProblem, marks: SourceMarks) -> list[Problem]:
     """The house has the rooms and fixtures that the problem names, starts can be sampled, the goal can be judged."""
-    path = paths.find("tasks/houses", task.house)
-    house = _house(path, path.stat().st_mtime_ns, load_catalogue())
+    cause = why_unplayable(task, problem, _house(task.house))
+    return [] if cause is None else [marks.problem(("problem",), "unplayable", cause)]
+
+
+def in_house(task: Task, house: str) -> Task:
+    """The same task in another house.
+
+    Args:
+        task: It.
+        house: As of `load_house`.
+
+    Raises:
+        UserError: There is no such house, or it lacks what the task needs.
+        FileProblems: Everything that is wrong with the house's file.
+    """
+    if cause := why_unplayable(task, load_problem(task.problem, known_words()), load_house(house)):
+        raise UserError(f"{task.problem} cannot be played in {house}: {cause}")
+    return task.model_copy(update={"house": house})
+
+
+def why_unplayable(task: Task, problem: BddlProblem, house: House) -> str | None:
+    """Why a task cannot be played in a house, in a sentence; None: perhaps it can."""
     what = "no start can be drawn"
     try:
         whole = with_all(problem, house)
@@ -163,8 +187,8 @@ def _check_playable(task: Task, problem: BddlProblem, marks: SourceMarks) -> lis
         what = "the goal cannot be met"
         _check_shapes(task, whole, house, fixtures)
     except UserError as error:
-        return [marks.problem(("problem",), "unplayable", f"{what}: {error}")]
-    return []
+        return f"{what}: {error}"
+    return None
 
 
 def _check_shapes(task: Task, problem: BddlProblem, house: House, fixtures: Mapping[str, str]) -> None:
@@ -215,7 +239,14 @@ def _check_made(task: Task, problem: BddlProblem) -> None:
             raise UserError(f"no rule makes {literal}: of the things come {', '.join(made) or 'no others'}")
 
 
-@lru_cache(maxsize=4)
-def _house(path: Path, changed: int, catalogue: Catalogue) -> House:
+def _house(name: str) -> House:
     """A house as it was last changed, which many tasks are in."""
+    if seed_of(name) is not None:
+        return load_house(name)
+    path = paths.find("tasks/houses", name)
+    return _of_file(path, path.stat().st_mtime_ns, load_catalogue())
+
+
+@lru_cache(maxsize=4)
+def _of_file(path: Path, changed: int, catalogue: Catalogue) -> House:
     return load_house(path, catalogue)

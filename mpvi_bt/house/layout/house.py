@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,17 @@ from pydantic import Field
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import FileProblems, Problem, UnknownName
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
-from mpvi_bt.ground.marked_yaml import Coordinate, Location, Record, SourceMarks, load_marked, validate_data
+from mpvi_bt.ground.marked_yaml import (
+    Coordinate,
+    Location,
+    Record,
+    SourceMarks,
+    load_marked,
+    parse_marked,
+    validate_data,
+)
+from mpvi_bt.house.generated.generator import generated_house
+from mpvi_bt.house.generated.seeded_name import PREFIX, seed_of
 from mpvi_bt.house.layout.overlap import penetration
 from mpvi_bt.house.layout.rooms import PANEL_M, Doorway, Rect, Room, Wall, shared_wall, walls
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue, shape_problems
@@ -117,13 +128,20 @@ class House:
 
 
 def load_house(house: str | Path = "family_house", catalogue: Catalogue | None = None) -> House:
-    """A house by name or path.
+    """A house by name or path, or by its seed, such as "generated:7".
 
     Raises:
         UserError: There is no such house.
         FileProblems: Everything that is wrong with the file.
     """
+    if (seed := seed_of(str(house))) is not None:
+        return _drawn(seed, catalogue or load_catalogue())
     return check_house(*load_marked(paths.find_or_file("tasks/houses", str(house), "house")), catalogue)
+
+
+@lru_cache(maxsize=4)
+def _drawn(seed: int, catalogue: Catalogue) -> House:
+    return check_house(*parse_marked(generated_house(seed), f"{PREFIX}{seed}"), catalogue)
 
 
 def check_house(data: Any, marks: SourceMarks, catalogue: Catalogue | None = None) -> House:

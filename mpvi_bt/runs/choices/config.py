@@ -61,6 +61,13 @@ class InstanceSettings:
     split: Literal["public", "hidden"] = setting(
         "public", "Set of instances. Hidden ones are drawn from the secret in MPVI_HIDDEN_SEED."
     )
+    house: str | None = setting(
+        None,
+        "House to play in, by name, by file, or generated:SEED for one that a seed draws.  [default: the task's]",
+        "HOUSE",
+        reader="mpvi_bt.house.layout.house_names:check_house_name",
+        begins=("generated:",),
+    )
     method: str | None = None
 
 

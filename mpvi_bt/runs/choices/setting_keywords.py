@@ -15,6 +15,7 @@ class SuiteKeywords(TypedDict, total=False):
     """What the episodes of a suite may have in common."""
 
     split: Literal["public", "hidden"]
+    house: str | None
     planner: str
     drive: Literal["navigator", "policy"]
     on_failure: str

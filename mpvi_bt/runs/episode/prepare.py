@@ -31,7 +31,7 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.runs.choices.lateness import latency_of
-from mpvi_bt.runs.choices.named_task import rooms_of, task_named
+from mpvi_bt.runs.choices.named_task import rooms_of, task_of
 from mpvi_bt.runs.choices.planning import ground, make_planner, plan_findings, planner_of
 from mpvi_bt.runs.choices.policies import check_policy_choice, rate_doubt
 from mpvi_bt.runs.choices.simulators import check_simulator_choice
@@ -96,7 +96,7 @@ def prepare(
         FileProblems: All that is wrong with a file, rooms that the task's house lacks, or rules that fit no node.
         ModelError: A language model is to plan, and makes no plan.
     """
-    task = task_named(config.task) if config.task else None
+    task = task_of(config) if config.task else None
     skills, arguments = load_skills(), dict(config.arguments)
     models, planned, plan = Models(config), None, None
     arrange = arrangement(config, skills)
@@ -291,7 +291,7 @@ def check_episode(config: EpisodeConfig) -> Prepared | None:
         ModelError: The model cannot be asked.
     """
     if config.tree is None and config.plan is None:
-        task = task_named(config.task)
+        task = task_of(config)
         if (name := planner_of(config, task)) not in ("recorded", NOBODY):
             check_backends(config)
             _check_start(config)
@@ -305,7 +305,7 @@ def _check_start(config: EpisodeConfig) -> None:
     """Raise UserError unless the task, its instance and its split exist."""
     from mpvi_bt.house.instances.splits import check_split
 
-    task_named(config.task).check_instance(config.instance)
+    task_of(config).check_instance(config.instance)
     check_split(config.split)
 
 
@@ -357,7 +357,7 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
         UserError: Its task is not there any more, or the like.
         FileProblems: Its tree is none, or its rules are none.
     """
-    task = task_named(config.task) if config.task else None
+    task = task_of(config) if config.task else None
     if task is None and not saved.dry:
         raise UserError("the saved episode names no task.")
     if task is not None and not saved.dry:

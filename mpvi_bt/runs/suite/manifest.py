@@ -16,6 +16,8 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import UserError, shown
 from mpvi_bt.ground.marked_yaml import Record, load_marked
 from mpvi_bt.ground.version import __version__
+from mpvi_bt.house.generated.generator import generated_house
+from mpvi_bt.house.generated.seeded_name import seed_of
 from mpvi_bt.house.goals.problem import activities
 from mpvi_bt.house.instances.splits import hidden_seed
 from mpvi_bt.house.instances.tasks import Task, load_task
@@ -160,14 +162,16 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
     Raises:
         UserError: As `load_task`.
     """
-    kinds = {(c.task, c.method): c for c in episodes}.values()
+    kinds = {(c.task, c.method, c.house): c for c in episodes}.values()
     tasks = {name: load_task(name) for name in dict.fromkeys(c.task for c in episodes)}
     read = {path for config in kinds for path in _files(config, tasks[config.task])}
     read |= {paths.find("skills", name) for name in paths.names("skills")}
     found = {_name(path): _digest(path) for path in sorted(read)}
     catalogue = load_catalogue()
     used = {entry for task in tasks.values() for entry in task.bindings.values()}
-    for house in {task.house for task in tasks.values()}:
+    for house in {c.house or tasks[c.task].house for c in kinds}:
+        if (seed := seed_of(house)) is not None:
+            found[f"house {house}"] = _hash(generated_house(seed))
         used |= {fixture.entry.name for fixture in load_house(house, catalogue).fixtures.values()}
     if any(config.split == "hidden" for config in episodes):
         found["hidden seed"] = hashlib.scrypt(
@@ -187,7 +191,8 @@ def entry_content(entry: CatalogueEntry) -> dict[str, Any]:
 def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
     yield paths.find_or_file("tasks", config.task)
     yield activities()[task.problem]
-    yield paths.find("tasks/houses", task.house)
+    if seed_of(house := config.house or task.house) is None:
+        yield paths.find_or_file("tasks/houses", house)
     if plan := config.plan or task.plan:
         yield paths.find_or_file("tasks/plans", plan)
     if tree := config.tree or task.tree:

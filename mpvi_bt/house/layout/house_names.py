@@ -1,0 +1,14 @@
+"""Names of houses: of a file, or with the seed that one is drawn by."""
+
+from __future__ import annotations
+
+from mpvi_bt.ground import paths
+from mpvi_bt.house.generated.seeded_name import seed_of
+
+FOLDER = "tasks/houses"
+
+
+def check_house_name(house: str) -> None:
+    """Raise UserError unless there is a house of that name, in that file, or by that seed."""
+    if seed_of(house) is None:
+        paths.find_or_file(FOLDER, house, "house")
