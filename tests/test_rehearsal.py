@@ -282,9 +282,9 @@ def test_a_robot_of_one_hand_has_one() -> None:
     assert found(lame, "go to the sofa", "pick up the cup", "pick up the can") == impossible(2)
 
 
-def test_amid_an_episode_only_payloads_are_known() -> None:
+def test_amid_an_episode_only_payloads_are_certain() -> None:
     """A plan for the rest is held to what the hands hold, and else to what it says itself."""
-    rehearsal = Rehearsal(SKILLS, KITCHEN)
+    rehearsal = UNKNOWN
     full = History((Unit("x", "no_path"),), (), (SeenObject("cup", held=True), SeenObject("can", held=True)))
     half = History((Unit("x", "no_path"),), (), (SeenObject("cup", held=True), SeenObject("bottle")))
     deeds = ("go to the fridge", "pick up a bottle from the fridge")
@@ -331,3 +331,17 @@ def test_effects_that_contradict_the_needs_are_an_error(tmp_path: Path, needs: s
     (problem,) = mpvi_bt.check(tmp_path / "shove.yaml")
     assert (problem.severity, problem.line) == ("error", 7)
     assert why in problem.message
+
+
+def test_amid_an_episode_the_rest_is_in_doubt() -> None:
+    """With the task's facts: by what was done, and what failed to be."""
+    rehearsal = Rehearsal(SKILLS, KITCHEN)
+    opened = History((*map(Unit, FETCH[:3]), Unit(FETCH[3], "no_grasp")), full=("left",))
+    shut = History((Unit(FETCH[0]), Unit(FETCH[1], "no_handle")), full=())
+    assert found(rehearsal, *BOTH[3:], history=opened) == []
+    assert found(rehearsal, *BOTH[4:6], history=opened) == [("doubtful", "/segments")], "one bottle is left"
+    assert found(rehearsal, *BOTH[1:], history=shut) == []
+    (problem,) = rehearsal.problems(plan_of(*BOTH[2:]), history=shut)
+    assert (problem.code, problem.severity, problem.pointer) == ("doubtful", "warning", "/segments/0/description")
+    assert problem.message.startswith("perhaps ")
+    assert "the fridge is closed" in problem.message

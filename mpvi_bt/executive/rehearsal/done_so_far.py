@@ -10,13 +10,15 @@ from mpvi_bt.executive.plan.history import History, SeenObject
 from mpvi_bt.executive.plan.schema import Navigation
 from mpvi_bt.executive.plan.skills import Skill, SkillCall
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
+from mpvi_bt.executive.rehearsal.paper_drive import drive
 from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
 from mpvi_bt.executive.rehearsal.paper_world import CannotBe
-from mpvi_bt.executive.rehearsal.rehearsal import drive
 from mpvi_bt.ground.words.phrases import normalize
 
 
-def world_so_far(skills: Mapping[str, Skill], start: KnownStart, history: History) -> PaperHands:
+def world_so_far(
+    skills: Mapping[str, Skill], start: KnownStart, history: History, backward: bool = False
+) -> PaperHands:
     """How things are, as far as the robot can know.
 
     The units that were done are carried out on paper, in their order. Then the hands are corrected by what they feel.
@@ -26,8 +28,9 @@ def world_so_far(skills: Mapping[str, Skill], start: KnownStart, history: Histor
         skills: By name.
         start: What was known of the start.
         history: Of the episode.
+        backward: Of things that are alike, take the last first.
     """
-    world = PaperHands(start)
+    world = PaperHands(start, backward)
     for unit in history.units:
         for said in () if unit.reason else clauses(unit.said, skills):
             _carry_out(world, said, match(said, skills), criteria.parse(unit.criterion) if unit.criterion else None)

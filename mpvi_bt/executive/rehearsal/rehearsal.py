@@ -6,9 +6,9 @@ know it lets pass: words that nothing is called, and deeds that no skill does.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 from mpvi_bt.executive.completion import criteria
@@ -16,14 +16,13 @@ from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.history import History
 from mpvi_bt.executive.plan.schema import Navigation, Plan, Segment
 from mpvi_bt.executive.plan.skills import Skill
+from mpvi_bt.executive.rehearsal.done_so_far import world_so_far
 from mpvi_bt.executive.rehearsal.known_start import KnownStart
+from mpvi_bt.executive.rehearsal.paper_drive import drive
 from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
 from mpvi_bt.executive.rehearsal.paper_world import CannotBe
 from mpvi_bt.ground.errors import Problem, shown
 from mpvi_bt.ground.marked_yaml import MAX_PROBLEMS, SourceMarks
-from mpvi_bt.ground.words.phrases import normalize
-
-_DRIVE = re.compile(r"(?:go|drive|navigate|walk|travel|move|head|return)(?: back| over| up)? (?:to|towards?) ", re.I)
 
 
 class Rehearsal:
@@ -43,29 +42,39 @@ class Rehearsal:
         The first impossible segment ends the rehearsal: nobody knows how things would be after it. Words may mean one
         or another of things that are alike: wrong is what is so whether the first or the last of them is taken first.
         Where things lie on furniture nobody knows: what is impossible only if furniture side by side is out of reach of
-        each other is in doubt, with the code "far".
+        each other is in doubt, with the code "far". In the middle of an episode only what the hands hold is certain:
+        what is impossible or missing if all that was done had its effects is in doubt, with the code "doubtful".
 
         Args:
             plan: A valid plan.
             marks: Of the plan's file, for exact places; None: it has no file.
-            history: Of the episode, if the plan is for the rest of one: then what the robot holds is known, and nothing
-                else of how things are by now.
+            history: Of the episode, if the plan is for the rest of one.
         """
         marks = marks or SourceMarks.unplaced(plan.model_dump(mode="json"), f"<{plan.task_name}>")
-        start = self._start if history is None else _by_now(history, self._start.hands)
-        found = self._found(plan, replace(start, adjoining=frozenset()), marks)
+        if history is not None:
+            return self._amid(plan, marks, history)
+        apart = replace(self._start, adjoining=frozenset())
+        found = self._found(plan, partial(PaperHands, apart), marks)
         far = next((problem for problem in found if problem.code == "impossible"), None)
-        if far is None or not start.adjoining:
+        if far is None or not self._start.adjoining:
             return found
-        found = self._found(plan, start, marks)
+        found = self._found(plan, partial(PaperHands, self._start), marks)
         if any(problem.pointer == far.pointer for problem in found):
             return found
-        return [replace(far, code="far", message=f"perhaps {far.message}"), *found]
+        return [_doubted(far, "far"), *found]
 
-    def _found(self, plan: Plan, start: KnownStart, marks: SourceMarks) -> list[Problem]:
+    def _amid(self, plan: Plan, marks: SourceMarks, history: History) -> list[Problem]:
+        """The problems of a plan for the rest of an episode."""
+        found = self._found(plan, partial(PaperHands, _by_now(history, self._start.hands)), marks)
+        if not self._start.called or any(problem.code == "impossible" for problem in found):
+            return found
+        so_far = self._found(plan, partial(world_so_far, self._skills, self._start, history), marks)
+        return [*found, *(_doubted(p, "doubtful") for p in so_far if p.code in ("impossible", "goal-unmet"))]
+
+    def _found(self, plan: Plan, begin: Callable[[bool], PaperHands], marks: SourceMarks) -> list[Problem]:
         readings: list[tuple[int, list[Problem]]] = []
         for backward in (False, True):
-            world = PaperHands(start, backward)
+            world = begin(backward)
             found = list(islice(self._problems(plan, world, marks), MAX_PROBLEMS))
             if not any(problem.severity == "warning" for problem in found):
                 return found
@@ -125,41 +134,13 @@ def _by_now(history: History, hands: tuple[str, ...]) -> KnownStart:
     return KnownStart(called, held=tuple(called), hands=hands, partial=True)
 
 
+def _doubted(problem: Problem, code: str) -> Problem:
+    return replace(problem, code=code, message=f"perhaps {problem.message}")
+
+
 def _said(text: str) -> str:
     return shown(text, longest=120)  # Our choice: which hand and which place are at the end
 
 
 class _Unknown(Exception):
     """Nobody knows what a segment does."""
-
-
-def drive(world: PaperHands, segment: Navigation) -> str | None:
-    """Drive to what a segment names, in its room first, and then anywhere: robots search. Returns why that is idle."""
-    room = normalize(segment.room or "")
-    rooms = {normalize(r): r for r in world.start.rooms.values()}
-    phrase = _DRIVE.sub("", segment.description, count=1)
-    phrase = phrase if normalize(segment.target) in normalize(phrase) else segment.target
-    named = world.meant(phrase) or world.meant(segment.target)
-    meant = [t for t in named if t not in world.held.values()]
-    if not meant and (there := rooms.get(normalize(segment.target))) is not None:
-        world.room = world.place = there
-        world.spot = {there}
-        return None
-    if named and not meant and not world.guessed & {*named} and not world.start.partial:
-        return f"{world.name(named[0])} is in a hand"
-    if not meant:
-        world.place = world.guess(segment.target)
-        world.spot = {world.place}
-        return None
-    there_too = [t for t in meant if not room or normalize(world.room_of(t)) == room] or meant
-    seen = [t for t in there_too if world.shut_in(t) is None]
-    if not seen:
-        raise CannotBe(world.hidden(there_too[0]))
-    movable = [t for t in there_too if t not in world.start.rooms]
-    if movable:
-        world.place = min(movable, key=lambda t: world.moved[t])
-    else:
-        world.place = next((t for t in reversed(world.used) if t in there_too), there_too[0])
-    world.room = world.room_of(world.place)
-    world.spot = {world.place}
-    return None
