@@ -117,7 +117,8 @@ def test_a_base_alone_drives(tmp_path: Path) -> None:
     del told["cameras"]["right"]
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(told))
     alone = read_robot(tmp_path / "robot.yaml")
-    made = SimWorld(small_house(), {}, np.zeros(3), render=False, robot=alone)
+    radio = {"radio": placed("radio_receiver", 1.5, 0.0)}  # it has a switch, which no hand is near
+    made = SimWorld(small_house(), radio, np.zeros(3), render=False, robot=alone)
     act(made, np.array([0.3, 0.0]), 1.0)
     assert made.robot.proprioception().base_pose[0] > 0.2
 

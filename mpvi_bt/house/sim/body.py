@@ -116,7 +116,8 @@ class SimBody:
 
     def hands_world(self) -> Array:
         """(n, 3) places in physics of the hand links, which carry the fingers [m]."""
-        return np.array([self.links[self.physics.hand_links[side]].entity.pose.p for side in self.model.sides], float)
+        places = [self.links[self.physics.hand_links[side]].entity.pose.p for side in self.model.sides]
+        return np.array(places, float).reshape(-1, 3)
 
     def fingertips_world(self) -> Array:
         """(2 n, 3) ends of the fingers of its hands, the left one's first [m]."""
@@ -125,4 +126,4 @@ class SimBody:
             T = self.hand_pose_world(side)
             apart = felt.gripper_width[side] / 2 + self.physics.finger_half_m
             out += [T[:3, 3] + y * T[:3, 1] + self.physics.tip_m * T[:3, 2] for y in (-apart, apart)]
-        return np.array(out)
+        return np.array(out).reshape(-1, 3)

@@ -104,8 +104,8 @@ class Switches:
 
 
 def _squared(points: Array, centers: Array) -> Array:
-    """(m,) the squared distance of each center (m, 3) from the nearest point (n, 3)."""
-    return np.asarray(((points[:, None] - centers) ** 2).sum(-1).min(0))
+    """(m,) the squared distance of each center (m, 3) from the nearest point (n, 3); infinite if there is none."""
+    return np.asarray(((points[:, None] - centers) ** 2).sum(-1).min(0, initial=np.inf))
 
 
 def _place(thing: ThingLike, body: str, switch: SwitchLike) -> SwitchPlace:
