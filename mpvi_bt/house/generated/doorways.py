@@ -63,7 +63,7 @@ def _along(low: float, high: float, width: float, rng: np.random.Generator) -> f
     """Where along a wall a doorway has its middle."""
     first, last = low + width / 2 + _JAMB_M, high - width / 2 - _JAMB_M
     end = first if rng.random() < 0.5 else last
-    along = end if rng.random() < _NEAR_END else float(rng.uniform(first, last))
+    along = end if rng.random() < _NEAR_END else first + float(rng.random()) * (last - first)
     return round(min(max(round(along / 0.05) * 0.05, low + width / 2 + WALL_M), high - width / 2 - WALL_M), 3)
 
 

@@ -30,9 +30,9 @@ class _Unit:
     width_m: float
 
 
-_SINK = (_Unit("dishwasher", 0.6), _Unit("sink", 0.74), _Unit("cabinet", 0.6))
+_SINK = (_Unit("cabinet", 0.6), _Unit("dishwasher", 0.6), _Unit("sink", 0.74))
 _STOVE = (_Unit("cabinet", 0.6), _Unit("stove", 0.58), _Unit("cabinet", 0.58))
-_WHOLE = (_Unit("cabinet", 0.6), _Unit("dishwasher", 0.6), _Unit("sink", 0.74), *_STOVE)
+_WHOLE = (*_SINK, *_STOVE)
 
 
 def kitchen(room: RoomFloor, tints: Tints) -> None:
@@ -53,10 +53,13 @@ def kitchen(room: RoomFloor, tints: Tints) -> None:
 
 @dataclass
 class _Numbers:
-    """Names in the order of the family house: cabinets on the floor come before those on the wall."""
+    """Names in the order of the family house: cabinets on the floor come before those on the wall.
+
+    The widest countertop, which has room for all that a task prepares, is the first, which is bound before others.
+    """
 
     cabinets: int = 0
-    countertops: int = 0
+    countertops: int = 1
     upper: tuple[tuple[WallFrame, float], ...] = ()  # where a wall cabinet may hang
 
     def copy(self) -> _Numbers:
@@ -104,7 +107,7 @@ def _block(room: RoomFloor, tints: Tints, units: Sequence[_Unit], numbers: _Numb
 def _units(
     room: RoomFloor, tints: Tints, units: Sequence[_Unit], numbers: _Numbers, frame: WallFrame, low: float
 ) -> Iterator[Furnishing]:
-    for unit in units:
+    for k, unit in enumerate(units):
         u = low + unit.width_m / 2
         size = [0.62, unit.width_m, _COUNTER_M]
         match unit.name:
@@ -119,8 +122,14 @@ def _units(
             case _:
                 shape = tints.shape("base_cabinet", size_m=[0.6, unit.width_m, 0.86])
                 yield room.piece(numbers.cabinet(), "base_cabinet", frame, u, front_m=TURN_M, shape=shape)
-        if unit.name in ("dishwasher", "cabinet"):
+        neighbors = {units[k + step].name for step in (-1, 1) if 0 <= k + step < len(units)}
+        if unit.name == "dishwasher":
+            way = 1 if units[(k + 1) % len(units)].name == "cabinet" and k + 1 < len(units) else -1
+            wide = tints.shape("countertop", size_m=[0.62, 2 * unit.width_m + _JOINT_M, _COUNTER_M])
+            yield room.piece("countertop_1", "countertop", frame, u + way * (unit.width_m + _JOINT_M) / 2, shape=wide)
+        elif unit.name == "cabinet" and "dishwasher" not in neighbors:
             yield room.piece(numbers.countertop(), "countertop", frame, u, shape=tints.shape("countertop", size_m=size))
+        if unit.name in ("dishwasher", "cabinet"):
             numbers.upper += ((frame, u),)
         low += unit.width_m + _JOINT_M
 

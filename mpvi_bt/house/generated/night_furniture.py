@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mpvi_bt.house.generated.day_furniture import rug
 from mpvi_bt.house.generated.placement import GAP_M, NoRoom, RoomFloor
-from mpvi_bt.house.generated.seats import desk
+from mpvi_bt.house.generated.seats import desk, desk_without_chair
 from mpvi_bt.house.generated.tints import Tints
 
 _BESIDE_BED_M = 0.9
@@ -13,7 +13,7 @@ _BESIDE_BED_M = 0.9
 def bedroom(room: RoomFloor, tints: Tints) -> None:
     """Furnish a bedroom. Raises NoRoom."""
     _double_bed(room, tints)
-    desk(room, "desk_2", tints, "swivel_chair_1", "swivel_chair")
+    desk_without_chair(room, "desk_2", tints, "swivel_chair_1")
     drawers = tints.shape("chest_of_drawers")
     room.along_wall("chest_of_drawers_1", "chest_of_drawers", front_m=1.1, shape=drawers)
 
@@ -55,7 +55,7 @@ def childs_room(room: RoomFloor, tints: Tints) -> None:
         break
     else:
         raise NoRoom("a bed")
-    desk(room, "desk_1", tints, "chair_1", "chair")
+    desk(room, "desk_1", tints, "chair_1")
     low = {"size_m": [0.32, 0.9, 1.5], "shelves": 4}
     for number in (1, 2):
         back = {"back_color": tints.one(("#8cc0d6", "#e8b2c0", "#b9d6a0", "#f0d79a"))}

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mpvi_bt.house.generated.placement import GAP_M, Furnishing, NoRoom, RoomFloor
-from mpvi_bt.house.generated.plane import WallFrame
+from mpvi_bt.house.generated.plane import WallFrame, grown, overlap
 from mpvi_bt.house.generated.tints import Tints
 
 _UNDER_M = 0.1  # of a chair is under the table
 _FREE_M = 0.95  # floor before a table
+_AWAY_M = 0.6  # from a desk to a chair that is not at it
 
 
 def at_table(room: RoomFloor, name: str, entry: str, chairs: str, tints: Tints) -> None:
@@ -51,29 +54,33 @@ def around_table(room: RoomFloor, name: str, chairs: str, tints: Tints) -> Furni
     return table
 
 
-def desk(room: RoomFloor, name: str, tints: Tints, chair_name: str, chair_entry: str) -> None:
+def desk(room: RoomFloor, name: str, tints: Tints, chair: str) -> None:
     """Put up a desk with a chair at one end of its front; before the rest of it the floor is free. Raises NoRoom."""
-    shape = tints.shape("desk")
+    shape, seat = tints.shape("desk"), tints.shape("chair")
     depth, width, _ = room.size("desk", shape)
-    seat = tints.shape("chair") if chair_entry == "chair" else {}
-    chair, broad, _ = room.size(chair_entry, seat)
+    deep, broad, _ = room.size("chair", seat)
     for side in room.sides():
         frame = room.frame(side)
         for u in room.spots(frame, width / 2 + GAP_M, corner=True):
             sign = 1 if room.rng.random() < 0.5 else -1
-            table = room.piece(name, "desk", frame, u, 0.02, shape=shape)
-            at = (u + sign * (width / 2 - broad / 2 - 0.08), 0.02 + depth + chair / 2 - _UNDER_M)
-            sitting = _turned(room, chair_name, frame, at, 180.0, seat, chair_entry)
+            at = (u + sign * (width / 2 - broad / 2 - 0.08), 0.02 + depth + deep / 2 - _UNDER_M)
+            sitting = _turned(room, chair, frame, at, 180.0, seat)
             edge = u - sign * width / 2
             beyond = edge + sign * (width - broad - 0.1)
             front = frame.area(edge, beyond, 0.02 + depth, 0.02 + depth + _FREE_M)
-            table = Furnishing(
-                table.name, "desk", table.at, table.yaw_deg, table.area, table.heights, 0.0, shape, front
-            )
+            table = replace(room.piece(name, "desk", frame, u, 0.02, shape=shape), front=front)
             if room.fits([table, sitting]):
                 room.add([table, sitting])
                 return
     raise NoRoom(name)
+
+
+def desk_without_chair(room: RoomFloor, name: str, tints: Tints, chair: str) -> None:
+    """Put up a desk, and a chair on castors at least a step away from it, for a task to bring. Raises NoRoom."""
+    table = room.along_wall(name, "desk", front_m=_FREE_M + 0.2, shape=tints.shape("desk"), corner=True, gap_m=0.02)
+    away = room.along_wall(chair, "swivel_chair", front_m=0.7, gap_m=0.12, beside_m=0.1)
+    if overlap(grown(table.area, _AWAY_M), away.area):
+        raise NoRoom(f"{chair} away from {name}")
 
 
 def _seat(
@@ -91,9 +98,8 @@ def _turned(
     at: tuple[float, float],
     turn_deg: float,
     shape: dict[str, object],
-    entry: str = "chair",
 ) -> Furnishing:
     """A chair whose middle is at (u, v)."""
-    depth, width, _ = room.size(entry, shape)
+    depth, width, _ = room.size("chair", shape)
     across = width if round(turn_deg / 90) % 2 else depth
-    return room.piece(name, entry, frame, at[0], at[1] - across / 2, turn_deg=turn_deg, shape=shape)
+    return room.piece(name, "chair", frame, at[0], at[1] - across / 2, turn_deg=turn_deg, shape=shape)
