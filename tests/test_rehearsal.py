@@ -140,6 +140,13 @@ def test_what_is_on_a_bed_is_not_taken_from_beside_it() -> None:
     assert found(rehearsal, "go to the bed", "pick up the sandal from the bed", "pick up the toy from the bed") == []
 
 
+def test_the_other_one_is_not_the_one_in_the_hand() -> None:
+    """Of two that are alike, the second is laid beside the first."""
+    lay = "put the bottle under the table"
+    deeds = (*FETCH[:4], FETCH[5], f"{lay} with the right hand", f"{lay} beside the other bottle with the left hand")
+    assert found(Rehearsal(SKILLS, replace(KITCHEN, unmet=KnownStart().unmet)), *deeds) == []
+
+
 def test_furniture_nearby_is_in_doubt() -> None:
     """Side by side, one may be in reach from the other: nobody knows where on them the things are."""
     deeds = (*FETCH[:3], "put the bottle on the lamp")

@@ -196,9 +196,8 @@ class PaperHands(PaperWorld):
             self.pairs.add(("under", thing, other))
             reading = read(words[effects.under[1]])
             if reading is not None and (beside := _BESIDE.fullmatch(reading.place)):
-                self.pairs.add(
-                    ("nextto", thing, self.one(beside[1], lambda t: t in near and t != thing, "is in reach"))
-                )
+                by = self.one(beside[1], lambda t: t in near and t != thing, "is in reach", than=thing)
+                self.pairs.add(("nextto", thing, by))
         if effects.attached:
             self.attached.add((thing, support))
         self.moved[thing] += 1
