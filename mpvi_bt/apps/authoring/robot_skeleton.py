@@ -33,6 +33,7 @@ _RADIUS_M, _SPEED, _TURN = 0.3, 0.5, 1.0  # our choice, where a URDF tells nothi
 _JOINT_SPEED, _OPENING_M, _FOV_RAD = 1.0, 0.08, 0.75  # our choice likewise
 _LEAST_M = 0.2  # our choice: no base with an arm is smaller; the foot of an arm is
 _BELOW_M = 0.03  # our choice: wheels and pads of rubber are drawn as deep
+_CLEAR_M = 0.01  # our choice: what touches the floor of our house holds the base
 _BOXY = 0.9  # our choice: of the circle about a base, a box that is smaller is its outline
 _ARM_JOINTS = 4  # our choice: a way with fewer moving joints is no arm, but a head or a leg
 
@@ -146,7 +147,9 @@ class _Guess:
             )
         low = self._lowest()
         if low < -_BELOW_M:
-            self.said.append(f"base.above_floor_m: {-low:.3f}, so that no link is below the floor, all joints at 0")
+            self.said.append(
+                f"base.above_floor_m: {_CLEAR_M - low:.3f}, so that no link is on the floor, all joints at 0"
+            )
         outline = self._outline()
         if outline is None:
             spread = [float(norm(self._place(wheel.child)[:2])) for wheel in wheels]
@@ -160,7 +163,7 @@ class _Guess:
         return {
             "kind": kind,
             "link": self._base.link,
-            **({"above_floor_m": round(-low, 3)} if low < -_BELOW_M else {}),
+            **({"above_floor_m": round(_CLEAR_M - low, 3)} if low < -_BELOW_M else {}),
             "footprint_m": outline,
             "speed": {"ahead": _SPEED, **sideways, "turn": _TURN},
         }
