@@ -21,6 +21,7 @@ PAGE = (PACKAGE.parent / "docs" / "codes.md").read_text()
 LISTED = re.findall(r"^\| `([a-z-]+)` \|", PAGE, re.MULTILINE)
 ELSEWHERE = ("btcpp/*.py", "trace/*.py")  # have pages of their own
 SAYS = {"problem", "_problem", "_refuse", "_stop", "stop", "head"}  # methods
+MAKES = {"Problem", "_doubted"}  # functions
 # Looked up by names that are no literals, in `check_task` and `value_problems`.
 LOOKED_UP = {"problem", "house", "plan", "tree", "policy-settings", "backend"}
 
@@ -34,7 +35,7 @@ def said() -> Iterator[str]:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.Call):
                     name = node.func.attr if isinstance(node.func, ast.Attribute) else ""
-                    says = name in SAYS or getattr(node.func, "id", "") == "Problem"
+                    says = name in SAYS or getattr(node.func, "id", "") in MAKES
                     texts = [a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)]
                     codes = [text for text in texts if re.fullmatch(r"[a-z]+(-[a-z]+)*", text)]
                     if name == "unknown" and texts:
