@@ -23,18 +23,19 @@ from mpvi_bt.runs.report.runs import Runs
 from mpvi_bt.runs.report.timeline import timeline, timeline_html
 
 # Our choices: what a page of hundreds of episodes can hold of each.
+Played = tuple[str, str | None]  # task, and the house named in place of its own
 MOST_FAILURES, MOST_CONDITIONS, MOST_HANDOFFS, _LONG = 8, 30, 6, 160
 
 
 def episode_html(
-    runs: Runs, config: EpisodeConfig, houses: Mapping[str, House], page: Path | None, kinds: Iterable[str] = ()
+    runs: Runs, config: EpisodeConfig, houses: Mapping[Played, House], page: Path | None, kinds: Iterable[str] = ()
 ) -> str:
     """An episode that has a result, folded.
 
     Args:
         runs: Of its method.
         config: The episode.
-        houses: By task; those whose symbols are in the page.
+        houses: By task and the house named in place of its own; those whose symbols are in the page.
         page: Its file, beside which films and pictures are looked for; None: there are no links to files.
         kinds: Classes of it, by which a reader chooses.
     """
@@ -46,7 +47,7 @@ def episode_html(
         f"instance {result.instance_id}, seed {result.rollout_id} "
         f'<span class="dim">{escape(one_line(result.told))}{seen}</span>'
     )
-    drawn = way_map(result.way, houses.get(config.task_name)) if result.way else ""
+    drawn = way_map(result.way, houses.get((config.task_name, config.house))) if result.way else ""
     drawn = drawn or '<p class="dim">The way was not kept.</p>'
     body = [
         f'<div class="sides"><figure>{drawn}</figure><div>{_goal(result)}{_facts(result)}</div></div>',

@@ -20,7 +20,7 @@ from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.runs.report import tables as t
 from mpvi_bt.runs.report.choice import CHOICE_STYLE, ReportChoice
 from mpvi_bt.runs.report.episode_map import house_symbol
-from mpvi_bt.runs.report.episodes import episode_html
+from mpvi_bt.runs.report.episodes import Played, episode_html
 from mpvi_bt.runs.report.figures import Figures
 from mpvi_bt.runs.report.plot_svg import plot_style
 from mpvi_bt.runs.report.plots import NARROW, improvement_plot, method_plot, shown_tasks
@@ -40,7 +40,7 @@ def report_page(
         running: Whether more results are on their way.
         when: Date and time, for people.
     """
-    houses = _houses(figures.tasks)
+    houses = _houses(runs)
     looks = (resources.files("mpvi_bt.runs.report") / "page" / "report.css").read_text(encoding="utf-8")
     style = state_style() + plot_style() + looks + CHOICE_STYLE
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
@@ -75,7 +75,7 @@ media-src 'self' file:; img-src 'self' file:; base-uri 'none'; form-action 'none
 
 
 def _sections(
-    figures: Figures, runs: Sequence[Runs], houses: Mapping[str, House], page: Path | None
+    figures: Figures, runs: Sequence[Runs], houses: Mapping[Played, House], page: Path | None
 ) -> Iterator[tuple[str, str]]:
     """Name and content of each; "" where there is nothing to say."""
     yield "Summary", f"{_table(t.summary_table(figures))}<p>{escape(one_line(t.truth_text(figures)))}</p>"
@@ -119,7 +119,7 @@ def _sections(
     yield "Episodes", choice.html + "".join(_episodes(run, houses, page, choice) for run in runs if run.results)
 
 
-def _episodes(runs: Runs, houses: Mapping[str, House], page: Path | None, choice: ReportChoice) -> str:
+def _episodes(runs: Runs, houses: Mapping[Played, House], page: Path | None, choice: ReportChoice) -> str:
     parts = []
     for task in runs.tasks:
         done = [config for config in runs.episodes if config.task_name == task and config in runs.results]
@@ -133,19 +133,19 @@ def _episodes(runs: Runs, houses: Mapping[str, House], page: Path | None, choice
     return f"<h3>{escape(one_line(runs.method))}</h3>{''.join(parts)}"
 
 
-def _houses(tasks: Sequence[str]) -> dict[str, House]:
-    """Task to its house; tasks that are not there any more are left out."""
+def _houses(runs: Sequence[Runs]) -> dict[Played, House]:
+    """Task, and the house that was named in place of its own, to the house; what is not there any more is left out."""
     loaded: dict[str, House] = {}
     houses = {}
-    for task in tasks:
+    for task, named in dict.fromkeys((config.task_name, config.house) for run in runs for config in run.episodes):
         try:
             data, _ = load_marked(
                 paths.find_or_file("tasks", task, "task")
             )  # all else in the file was checked long ago
-            name = data["house"]
+            name = named or data["house"]
             if name not in loaded:
                 loaded[name] = load_house(name)
-            houses[task] = loaded[name]
+            houses[task, named] = loaded[name]
         except (MpviError, KeyError, TypeError):
             continue
     return houses
