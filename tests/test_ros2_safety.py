@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -51,9 +51,11 @@ def robot() -> Iterator[TestRobot]:
 
 
 @contextmanager
-def session(folder: Path, motion: bool = True, clock: str = "system", **lines: str) -> Iterator[RobotSession]:
+def session(
+    folder: Path, motion: bool = True, clock: str = "system", lines: Mapping[str, str] | None = None
+) -> Iterator[RobotSession]:
     """A bridge to it."""
-    bridge = load_bridge(write_bridge(folder, clock, **lines), FETCH)
+    bridge = load_bridge(write_bridge(folder, clock, **(lines or {})), FETCH)
     with robot_session(bridge, FETCH, motion, Stop(), lambda line: None) as made:
         yield made
 
@@ -131,7 +133,7 @@ def test_nothing_moves_before_it_is_allowed(robot: TestRobot, tmp_path: Path) ->
 @pytest.mark.parametrize("topic", ["/joint_states", "/odom"])
 def test_a_silent_topic_stops_the_robot(robot: TestRobot, tmp_path: Path, topic: str) -> None:
     """States that end."""
-    with session(tmp_path, **STRICT) as made:
+    with session(tmp_path, lines=STRICT) as made:
         error = ending(made, robot, lambda: robot.silent.add(topic))
     assert error.reason == "silent"
     assert topic in str(error)
@@ -139,7 +141,7 @@ def test_a_silent_topic_stops_the_robot(robot: TestRobot, tmp_path: Path, topic:
 
 def test_a_robot_that_is_gone_is_told(robot: TestRobot, tmp_path: Path) -> None:
     """Its node is killed."""
-    with session(tmp_path, **STRICT) as made:
+    with session(tmp_path, lines=STRICT) as made:
         error = ending(made, robot, lambda: robot.silent.update(("/joint_states", "/odom", "/head/color")))
     assert error.reason == "silent"
 
@@ -165,7 +167,7 @@ def test_a_clock_that_comes_late_is_waited_for(tmp_path: Path, monkeypatch: pyte
 
 def test_stamps_of_another_time_stop_the_robot(robot: TestRobot, tmp_path: Path) -> None:
     """The robot's own clock is set back: its states are old."""
-    with session(tmp_path, **STRICT) as made:
+    with session(tmp_path, lines=STRICT) as made:
         error = ending(made, robot, lambda: setattr(robot, "shift_s", -3.0))
     assert error.reason == "silent"
 
@@ -193,7 +195,7 @@ def test_states_that_cannot_be_stop_the_robot(robot: TestRobot, tmp_path: Path, 
 
 def test_names_of_no_joint_are_no_states(robot: TestRobot, tmp_path: Path) -> None:
     """What was last heard of the robot's own joints gets old."""
-    with session(tmp_path, **STRICT) as made:
+    with session(tmp_path, lines=STRICT) as made:
         error = ending(made, robot, lambda: setattr(robot, "spoil", other_names))
     assert error.reason == "silent"
     assert "/joint_states" in str(error)
@@ -250,7 +252,7 @@ def test_a_topic_that_nobody_has_is_told_at_the_start(robot: TestRobot, tmp_path
     """It is named, with the nearest that there is."""
     with (
         pytest.raises(RobotError, match="/joint_state: nobody publishes it; there is /joint_states") as raised,
-        session(tmp_path, joint_states="joint_states: /joint_state"),
+        session(tmp_path, lines={"joint_states": "joint_states: /joint_state"}),
     ):
         pass
     assert raised.value.reason == "no_topic"
@@ -258,7 +260,7 @@ def test_a_topic_that_nobody_has_is_told_at_the_start(robot: TestRobot, tmp_path
 
 def test_a_loop_that_hangs_stops_the_base(robot: TestRobot, tmp_path: Path) -> None:
     """Whoever thinks for a second does not drive on meanwhile; then the run goes on."""
-    with session(tmp_path, **STRICT) as made:
+    with session(tmp_path, lines=STRICT) as made:
         set_off(made, robot)
         at = time.monotonic()
         time.sleep(2.5)
