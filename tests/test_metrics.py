@@ -20,6 +20,8 @@ from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.robot.protocol import Proprioception, Side
 from mpvi_bt.hands.robots.r1 import R1
+from mpvi_bt.house.goals.evaluate import judge, snapshot
+from mpvi_bt.house.goals.problem import parse_problem
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.metrics import DIRECTIONS, Measurement, Meter
 from mpvi_bt.runs.episode.result import Result, make_result, read_result, write_json, write_result
@@ -232,10 +234,9 @@ def edited(**changes: Any) -> Callable[[dict[str, Any]], object]:
 @pytest.mark.parametrize(
     "edit",
     [
-        edited(q_score={"final": 1.0}),
         edited(success=True),
+        edited(success=True, goal=[{"condition": "inside(can, bin)", "satisfied": True}]),
         edited(goal=[]),
-        edited(goal_fraction=1.0),
         edited(conditions_met=1.0),
         lambda data: data["goal"][0].update(satisfied=True),
     ],
@@ -250,6 +251,18 @@ def test_a_result_that_contradicts_itself_is_none(
     edit(data)
     path.write_text(json.dumps({**data, **({} if signed else {"digest": None})}))
     assert read_result(path) is None
+
+
+def test_a_goal_of_exactly_so_many_can_be_missed_by_one_too_many() -> None:
+    """All that its best option wants holds, so both scores are 1, as by BEHAVIOR's evaluator; it is no success."""
+    wanted = "(forn (1) (?x - cup) (inside ?x sink_1))"
+    objects = "cup_1 cup_2 - cup sink_1 - sink"
+    problem = parse_problem(f"(define (:objects {objects}) (:init ) (:goal {wanted}))", "cups")
+    report = judge(problem, snapshot(problem, lambda literal: False), snapshot(problem, lambda literal: True))
+    assert (report.satisfied, report.q, report.fraction) == (False, 1.0, 1.0)
+    hands: dict[Side, float] = {"left": 0.0, "right": 0.0}
+    result = make_result(CONFIG, TASK, report, Measurement(0, 0.0, hands, hands), ended="failure")
+    assert (result.success, result.q) == (False, 1.0)
 
 
 @given(data=st.data())
