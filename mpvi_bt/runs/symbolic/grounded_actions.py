@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from mpvi_bt.runs.symbolic.told_facts import Atom
 
 DRIVE_COST, WAIT_COST, HAND_COST = 8, 1, 2  # our choice: a drive takes as long as four motions of a hand
+# Our choice: to lay things on what hangs in a hand, or to take them from it, is worse than two drives more, of who sets
+# it down and comes back. In the house such plans failed.
+HANGING_COST = 3 * DRIVE_COST
 HANDS = ("right", "left")
 
 

@@ -10,7 +10,7 @@ from mpvi_bt.executive.plan.skill_effects import RELEASING, SkillEffects
 from mpvi_bt.executive.plan.skills import Skill, shipped_skills
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.runs.symbolic.deeds import Deeds
-from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, GroundedAction
+from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, HANGING_COST, GroundedAction
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts
 
 
@@ -88,7 +88,11 @@ class Actions(Deeds):
             for ways in product(*(self._near(thing, others, deed.needs, effects) for thing in reached)):
                 so = needed.union(before, *ways)
                 adds = deed.adds | held
-                yield replace(deed, skill=skill.name, hand=hand, needs=so, forbids=forbids, adds=adds, drops=drops)
+                hanging = (effects.held or effects.ontop) and any(a[0] == "held" for way in ways for a in way)
+                yield replace(
+                    deed, skill=skill.name, hand=hand, needs=so, forbids=forbids, adds=adds, drops=drops,
+                    cost=deed.cost + HANGING_COST * bool(hanging),
+                )  # fmt: skip
 
     def _open_atoms(self, slots: Iterable[str], words: Mapping[str, str]) -> frozenset[Atom]:
         return frozenset(("open", words[slot]) for slot in slots if slot in words and self.openable(words[slot]))
