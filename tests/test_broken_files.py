@@ -41,7 +41,7 @@ REQUIRED = {  # by folder
     "policies": {"camera", "part", "at"},
     "robots": {"urdf", "joints"},
     "bridges": {"joint_states", "odometry", "base", "color", "depth", "info"},
-    "tasks": {"instruction", "problem", "house", "plan", "can__of__soda.n.01"},
+    "tasks": {"instruction", "problem", "house", "can__of__soda.n.01"},
 }
 WRONG = {  # key: values that it can't have
     **dict.fromkeys(("timeout", "cooldown", "wait", "timeout_s"), ("0", "-3", "1e99", "'60'", ".nan", "soon")),

@@ -175,5 +175,6 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         navigator="my_navigator:Mine",
         policy_rate=10.0,
         policy_actions="delta",
+        house="generated:1",
     )
     assert SavedSettings(**full.record()).model_dump() == full.record()

@@ -20,6 +20,7 @@ ONLY_RUN = {
     "picture": "a suite draws into its folder: there it is a flag",
     "mcap": "a suite records into its folder: there it is a flag",
     "demonstration": "a suite records into its folder: --demonstrations is a flag",
+    "profile": "it is of one process; episodes of a suite share the machine",
     "rerun": "a log of one episode is too large to keep of hundreds",
     "times": "the answer times of one episode are enough to be replayed",
     "dry": "a suite is scored, and a dry run has no score",
