@@ -10,7 +10,7 @@ from mpvi_bt.executive.plan.skill_phrases import filled
 from mpvi_bt.executive.plan.skill_words import effects_words, shown_phrase
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.errors import with_article
-from mpvi_bt.ground.words.phrases import normalize
+from mpvi_bt.ground.words.phrases import normalize, plural
 from mpvi_bt.runs.symbolic.grounded_actions import GroundedAction
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts
 
@@ -265,13 +265,3 @@ class Sentences:
         if state == "on_fire":
             return f"wait until the {names} {verb} burning", self._burns(thing)
         return f"wait until the {names} {verb} {state}", self._many(done, state)
-
-
-def plural(name: str) -> str:
-    """Several of what is called so: "cans of soda"."""
-    head, of, rest = name.partition(" of ")
-    if head.endswith(("s", "x", "ch", "sh")):
-        return f"{head}es{of}{rest}" if head not in _UNCHANGED else name
-    if head.endswith("y") and head[-2:-1] not in "aeiou":
-        return f"{head[:-1]}ies{of}{rest}"
-    return f"{head}s{of}{rest}"
