@@ -34,6 +34,7 @@ ONLY_SUITE = {
     "name": "names the suite",
     "tasks": "--task: which of the suite's episodes are played now",
     "instances": "--instance: which of the suite's episodes are played now",
+    "houses": "--house is the one house of an episode",
     "workers": "one episode has one process",
     "wall_limit": "one episode is stopped by Ctrl-C",
     "engine": "one episode runs here",

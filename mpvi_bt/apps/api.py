@@ -201,6 +201,7 @@ def run_suite(
     arguments: Mapping[str, Value] | None = None,
     tasks: Sequence[str] = (),
     instances: Sequence[int] = (),
+    houses: int | Sequence[str] | None = None,
     workers: int | None = None,
     progress: bool = True,
     **settings: Unpack[SuiteKeywords],
@@ -216,6 +217,7 @@ def run_suite(
         tree, plan: Name or file of one to run in every episode.
         arguments: Parameters of that tree.
         tasks, instances: Play only these now.
+        houses: Names of houses, or how many are drawn by seeds, instead of the suite's.
         workers: Episodes at work at once; None: one a core.
         progress: Tell on stderr how it goes.
         **settings: Fields of `mpvi_bt.EpisodeConfig` that override what methods say.
@@ -245,7 +247,7 @@ def run_suite(
     outcome = play(
         title,
         store,
-        loaded.episodes(**options),
+        loaded.episodes(houses, **options),
         lambda pace: SuiteProgress(sys.stderr if progress else io.StringIO(), pace),
         tasks=tasks,
         instances=instances,

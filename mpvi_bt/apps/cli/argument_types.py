@@ -158,6 +158,23 @@ class Columns(click.ParamType[tuple[str, ...]]):
         return _items((before + comma + name for name in KNOWN), incomplete)
 
 
+class Houses(click.ParamType[int | tuple[str, ...]]):
+    """How many houses, or names of houses with commas between them."""
+
+    name = "houses"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | tuple[str, ...]:
+        """The number, or the names. Raises UserError where it is none, or there is no such house."""
+        from mpvi_bt.runs.suite.suite_houses import read_houses
+
+        return read_houses(value)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Completions for the last name in a comma-separated list."""
+        before, comma, _ = incomplete.rpartition(",")
+        return _items((before + comma + name for name in _names("tasks/houses")), incomplete)
+
+
 def serve(command: Any) -> Any:
     """The option to serve a page while the command works; None if not given."""
     return click.option(

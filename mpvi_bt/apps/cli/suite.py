@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from mpvi_bt.apps.cli import INTERRUPTED
-from mpvi_bt.apps.cli.argument_types import Columns, File, Name, arguments
+from mpvi_bt.apps.cli.argument_types import Columns, File, Houses, Name, arguments
 from mpvi_bt.apps.cli.argument_types import serve as serving
 from mpvi_bt.apps.cli.setting_options import settings, shared
 from mpvi_bt.executive.drawing.terminal import size, tell
@@ -106,6 +106,12 @@ def _named(command: Any) -> Any:
 @click.option("--mcap/--no-mcap", default=False, help="Record every episode as ROS 2 messages, as mcap.")
 @click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
 @settings("demonstration_fps")
+@click.option(
+    "--houses",
+    type=Houses(),
+    metavar="N|HOUSE,...",
+    help="Play each task in N houses that seeds draw, or in these, instead of the suite's.",
+)
 @serving
 @click.option(
     "--suite-calls",
@@ -131,6 +137,7 @@ def run(
     mcap: bool,
     demonstrations: bool,
     demonstration_fps: int,
+    houses: int | tuple[str, ...] | None,
     serve: Address | None,
     suite_calls: int | None,
     suite_tokens: int | None,
@@ -152,7 +159,7 @@ def run(
     if paths.is_folder(Path(name)):
         raise UserError(f"{name}: is a folder. Name the suite or its file, and the folder with --out {name}.")
     loaded, title = load_suite(name), paths.title(name)
-    store, episodes = Store(out or RUNS / title), _chosen(loaded, options, params)
+    store, episodes = Store(out or RUNS / title), _chosen(loaded, houses, options, params)
     for doubt in language_doubts(episodes):
         click.echo(f"mpvi: {doubt}", err=True)
     page = None if serve is None else _page(serve, store.out)
@@ -270,7 +277,7 @@ def _line(stand: dict[str, Any]) -> str:
     type=Columns(),
     metavar="NAME,...",
     help="Columns of --csv and --latex, such as method,task,q_score,success. A row is the mean of episodes with the "
-    "same method, task, instance, seed and ended, as far as these columns are chosen.",
+    "same method, task, house, instance, seed and ended, as far as these columns are chosen.",
 )
 @click.option("--baseline", metavar="METHOD", help="Method to compare with.  [default: e2e, or the first method]")
 def report(
@@ -301,15 +308,19 @@ def report(
     tell(report.told(as_json, _width()) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 
-def _chosen(suite: Suite, options: Mapping[str, Any], params: Sequence[str]) -> list[EpisodeConfig]:
-    """A suite's episodes as the command line has them: what is not on it is left to the suite's methods."""
+def _chosen(
+    suite: Suite, houses: int | Sequence[str] | None, options: Mapping[str, Any], params: Sequence[str]
+) -> list[EpisodeConfig]:
+    """A suite's episodes as the command line has them: what is not on it is left to the suite and its methods."""
     context = click.get_current_context()
     given = {
         key: value
         for key, value in options.items()
         if context.get_parameter_source(key) is not click.core.ParameterSource.DEFAULT
     }
-    return suite.episodes(**given, arguments=tuple(arguments(params).items()))
+    if houses is not None and given.get("house"):
+        raise click.UsageError("--house is one house and --houses are several; give one of them.")
+    return suite.episodes(houses, **given, arguments=tuple(arguments(params).items()))
 
 
 def _width() -> int:

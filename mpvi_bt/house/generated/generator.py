@@ -54,7 +54,7 @@ def generated_house(seed: int, rooms: Sequence[str] = ()) -> str:
     return _generated(seed, checked_rooms(rooms))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)  # more than most suites have; a text has 20 kB
 def _generated(seed: int, rooms: Row) -> str:
     rng = np.random.default_rng([seed, 0])
     catalogue = load_catalogue()

@@ -282,9 +282,16 @@ class EpisodeConfig(  # dataclasses take fields from the last base on
 
     @property
     def name(self) -> str:
-        """The stem of the episode's result file, as BEHAVIOR's evaluator names them; hidden instances say so."""
+        """The stem of the episode's result file, as BEHAVIOR's evaluator names them, with a named house and hidden."""
         split = "" if self.split == "public" else f"{self.split}_"
-        return f"{self.task_name}_{split}{self.instance}_{self.seed}"
+        house = "" if self.house is None else f"{self.house_name.replace(':', '-')}_"
+        return f"{self.task_name}_{house}{split}{self.instance}_{self.seed}"
+
+    @property
+    def house_name(self) -> str:
+        """The house that was named in place of the task's own: its name, or the stem of its file; "" for none."""
+        house = self.house or ""
+        return Path(house).stem if house.endswith(paths.SUFFIXES) else house
 
     @property
     def backends(self) -> dict[str, str]:

@@ -20,6 +20,7 @@ def _ended(run: Runs, config: EpisodeConfig) -> str:
 WHICH: Mapping[str, Callable[[Runs, EpisodeConfig], str]] = {
     "method": lambda run, config: run.method,
     "task": lambda run, config: config.task_name,
+    "house": lambda run, config: config.house_name,
     "instance": lambda run, config: str(config.instance),
     "seed": lambda run, config: str(config.seed),
     "ended": _ended,

@@ -11,7 +11,7 @@ from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.runs.report.runs import BY_KEY, Runs
-from mpvi_bt.runs.report.tables import NONE, chance_text, comparison_text, told
+from mpvi_bt.runs.report.tables import NONE, chance_text, comparison_text, house_table, told
 from mpvi_bt.runs.suite.store import Fault
 
 _NAME = 24  # columns of a method's name
@@ -32,7 +32,7 @@ _SAID = {  # of heads that do not speak for themselves
 
 
 def report_text(figures: Figures, runs: Sequence[Runs], width: int = WIDTH) -> str:
-    """The report for people: a table a task, what failed, and the means.
+    """The report for people: a table a task, what failed, the means, and a line a house.
 
     Args:
         figures: What to tell.
@@ -40,16 +40,17 @@ def report_text(figures: Figures, runs: Sequence[Runs], width: int = WIDTH) -> s
         width: Columns of the terminal: lines are no longer, and tables have the figures that fit.
     """
     named = len(runs) > 1
-    head = ("instance", "seed", *(head for head, _ in FIGURES), "ended")
+    which = ("house", "instance", "seed") if any(figures.houses) else ("instance", "seed")
+    head = (*which, *(head for head, _ in FIGURES), "ended")
     told = []
     for run, method in zip(runs, figures.methods, strict=True):
         for task, group in method.tasks.items():
             configs = [c for c in run.episodes if c.task_name == task]
-            rows = [_row(c, run.results.get(c), run.faults.get(c)) for c in configs]
+            rows = [_row(c, run.results.get(c), run.faults.get(c))[-len(head) :] for c in configs]
             title = f"{run.method}: {task}" if named else task
-            told.append((title, [*rows, _mean_row(group)], _failures(configs, run.results, run.faults)))
+            told.append((title, [*rows, _mean_row(group, len(which))], _failures(configs, run.results, run.faults)))
     every = [head, *(row for _, rows, _ in told for row in rows)]
-    shown = fitting(every, range(2 + _ALWAYS, 2 + len(FIGURES)), width - 2)
+    shown = fitting(every, range(len(which) + _ALWAYS, len(which) + len(FIGURES)), width - 2)
     tables = _tables(every, shown, [len(rows) for _, rows, _ in told])
     blocks = []
     for (title, _, failed), lines in zip(told, tables, strict=True):
@@ -60,8 +61,12 @@ def report_text(figures: Figures, runs: Sequence[Runs], width: int = WIDTH) -> s
     blocks += ["\n".join(_prose(comparison_text(found), width)) for found in figures.comparisons]
     if named:
         blocks.append("\n".join(_methods(figures, width)))
+    if (houses := house_table(figures)).rows:
+        cells = [[cut(one_line(cell), _NAME) for cell in row] for row in (houses.head, *houses.rows)]
+        blocks.append("\n".join(aligned(cells, {0})))
     blocks += ["\n".join(_prose(" ".join(figures.notes), width))] if figures.notes else []
-    blocks.append("\n".join(_prose(_legend([i - 2 for i in shown[2:-1]]), width)))
+    figured = [i - len(which) for i in shown[len(which) : -1]]
+    blocks.append("\n".join(_prose(_legend(figured), width)))
     return "\n\n".join(blocks)
 
 
@@ -140,7 +145,7 @@ def troubles(clipped: int, empty: int, lost: int) -> str:
 
 
 def _row(config: EpisodeConfig, result: Result | None, fault: Fault | None) -> tuple[str, ...]:
-    where = (str(config.instance), str(config.seed))
+    where = (config.house_name, str(config.instance), str(config.seed))
     if result is None:
         return (*where, *[NONE] * len(FIGURES), fault.kind if fault else "missing")
     return (
@@ -150,9 +155,9 @@ def _row(config: EpisodeConfig, result: Result | None, fault: Fault | None) -> t
     )
 
 
-def _mean_row(group: Group) -> tuple[str, ...]:
+def _mean_row(group: Group, places: int) -> tuple[str, ...]:
     means = [(group.measures[key], key) for _, key in FIGURES]
-    return ("mean", "", *(_figure(found.mean if found else None, key) for found, key in means), "")
+    return ("mean", *[""] * (places - 1), *(_figure(found.mean if found else None, key) for found, key in means), "")
 
 
 def _figure(value: float | None, key: str) -> str:
@@ -165,17 +170,18 @@ def _failures(
     lines = []
     for config in configs:
         result = results.get(config)
+        which = f"{config.house_name}, instance {config.instance}" if config.house else f"instance {config.instance}"
         if result is None:
             if (fault := faults.get(config)) and fault.backend:
-                lines.append(f"instance {config.instance}: a backend failed, {fault.message}")
+                lines.append(f"{which}: a backend failed, {fault.message}")
             continue
         if felt := troubles(result.clipped, result.grasps.empty, result.grasps.lost):
-            lines.append(f"instance {config.instance}: {felt}")
+            lines.append(f"{which}: {felt}")
         for failure in result.failures:
             node = one_line("/".join(failure.node.split("/")[1:2]) or failure.node)  # the segment, right under the root
             why = ": ".join(one_line(text) for text in (failure.reason, failure.feedback) if text)
-            lines.append(f"instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {why}")
+            lines.append(f"{which} at {failure.time_s:.0f} s: {node} failed, {why}")
         if not result.success:
             unmet = [condition.condition for condition in result.goal if not condition.satisfied]
-            lines.append(f"instance {config.instance} at the end: not met: {'; '.join(unmet)}")
+            lines.append(f"{which} at the end: not met: {'; '.join(unmet)}")
     return lines

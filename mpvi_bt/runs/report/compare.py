@@ -1,4 +1,4 @@
-"""Two methods compared on the same episodes: pairs of the same task, instance and seed."""
+"""Two methods compared on the same episodes: pairs of the same task, house, instance and seed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import starmap
 import numpy as np
 
 from mpvi_bt.runs.episode.result import Result
-from mpvi_bt.runs.report.runs import Key, Runs, by_instance
+from mpvi_bt.runs.report.runs import Key, Runs, drawn_anew
 from mpvi_bt.runs.report.statistics import Chance, Estimate, difference, estimate, permutation_test, relative
 
 SAME_Q = 1e-9  # q is a share of whole literals; this is rounding
@@ -52,7 +52,7 @@ class MethodComparison:
 
     Attributes:
         baseline, method: Names.
-        overall: Of all pairs: means over instances, then tasks.
+        overall: Of all pairs: means over instances, tasks, then houses.
         tasks: Of each task that has pairs.
         chance: That such a difference of q comes by chance: a paired permutation test over all pairs.
         relative: Improvement of the mean q, as a share of the baseline's; None where that is 0.
@@ -88,15 +88,15 @@ def compare(baseline: Runs, method: Runs) -> MethodComparison | None:
         for task in dict.fromkeys(key[0] for key in shared)
     }
     changes = [pairs.difference.mean for pairs in tasks.values()]
-    tables = by_instance((key, (a.q, b.q)) for key, (a, b) in shared.items())
+    tables = drawn_anew((key, (a.q, b.q)) for key, (a, b) in shared.items())
     matched = [(a, b) for a, b in shared.values() if a.q > 0 and abs(a.q - b.q) < SAME_Q]
     return MethodComparison(
         baseline=baseline.method,
         method=method.method,
         overall=_pairs(shared),
         tasks=tasks,
-        chance=permutation_test([table[:, 1] - table[:, 0] for table in tables.values()]),
-        relative=estimate(list(tables.values()), relative),
+        chance=permutation_test([table[:, 1] - table[:, 0] for table in tables]),
+        relative=estimate(tables, relative),
         gains=sum(change > SAME_Q for change in changes),
         equal=sum(abs(change) <= SAME_Q for change in changes),
         regressions=sum(change < -SAME_Q for change in changes),
@@ -106,7 +106,7 @@ def compare(baseline: Runs, method: Runs) -> MethodComparison | None:
 
 
 def _pairs(shared: Mapping[Key, tuple[Result, Result]]) -> TaskPairs:
-    tables = list(by_instance((key, (a.q, b.q)) for key, (a, b) in shared.items()).values())
+    tables = drawn_anew((key, (a.q, b.q)) for key, (a, b) in shared.items())
     means = np.mean([table.mean(0) for table in tables], axis=0)
     changed = estimate(tables, difference)
     assert changed is not None

@@ -16,10 +16,10 @@ def report_data(figures: Figures, runs: Sequence[Runs]) -> dict[str, Any]:
 
     Returns:
         Keys "suite", "episodes" (each result without its way and wall times; of several methods, with its method),
-        "missing", "directions"; "tasks" and "overall" (means), "privileged" and "official" (the evaluator's summary),
-        or, where there are several methods, "methods" with these of each; "figures", what pages show: means with
-        intervals, comparisons, failures. "q_score" counts missing episodes as 0, as BEHAVIOR's leaderboard does;
-        "q_score_of_finished" leaves them out.
+        "missing", "directions"; "tasks", "houses" (where any is named) and "overall" (means), "privileged" and
+        "official" (the evaluator's summary), or, where there are several methods, "methods" with these of each;
+        "figures", what pages show: means with intervals, comparisons, failures. "q_score" counts missing episodes as
+        0, as BEHAVIOR's leaderboard does; "q_score_of_finished" leaves them out.
     """
     each = {
         method.name: _means(method) | {"official": official_summary(run)}
@@ -63,6 +63,7 @@ def _means(method: MethodFigures) -> dict[str, Any]:
     return {
         "tasks": {task: _group(group) for task, group in method.tasks.items()},
         "overall": _group(method.overall),
+        **({"houses": {house: _group(group) for house, group in method.houses.items()}} if any(method.houses) else {}),
         "privileged": method.privileged,
     }
 

@@ -42,9 +42,10 @@ def episode_html(
     result = runs.results[config]
     films, pictures = _film(runs, config, page), _picture(runs, config, page)
     seen = "".join(f" · {what}" for what, there in (("film", films), ("picture", pictures)) if there)
+    where = f"{escape(one_line(config.house_name))}, " if config.house else ""
     head = (
         f'<span class="pill {"good" if result.success else "bad"}">q {result.q:.2f}</span> '
-        f"instance {result.instance_id}, seed {result.rollout_id} "
+        f"{where}instance {result.instance_id}, seed {result.rollout_id} "
         f'<span class="dim">{escape(one_line(result.told))}{seen}</span>'
     )
     drawn = way_map(result.way, houses.get((config.task_name, config.house))) if result.way else ""

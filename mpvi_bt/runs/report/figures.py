@@ -15,7 +15,7 @@ from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.report.compare import MethodComparison, compare
 from mpvi_bt.runs.report.failures import Failures, count_failures
 from mpvi_bt.runs.report.paper import paper_mean, paper_scores
-from mpvi_bt.runs.report.runs import MEASURES, Runs, by_instance
+from mpvi_bt.runs.report.runs import MEASURES, Runs, drawn_anew, key_of
 from mpvi_bt.runs.report.statistics import LEVEL, RESAMPLES, Estimate, estimate
 
 BASELINE = "e2e"  # what the paper compares with, where it is among the methods
@@ -43,7 +43,7 @@ class Group:
         finished: That have a result.
         successes: Of these.
         q_with_missing: Mean q, episodes without a result counted as 0, as BEHAVIOR's leaderboard does.
-        measures: Means of what was measured over seeds, instances, then tasks, of episodes that have a result.
+        measures: Means of what was measured over seeds, instances, tasks, then houses, of episodes that have a result.
     """
 
     episodes: int
@@ -64,6 +64,7 @@ class MethodFigures:
         assisted: Whether grasps were assisted.
         overall: All its episodes.
         tasks: Those of each task.
+        houses: Those in each house that was named; "" is a task's own.
         instances: Mean q of each instance that has a result, by task.
         paper: The paper's mean q of the method of that name over these tasks, or None.
         failures: Over all its results.
@@ -72,6 +73,7 @@ class MethodFigures:
         wall_s: Mean wall time of an episode [s], or None.
         queries: What the checker was asked, in a line.
         missing: Episodes without a result, with what broke them, or "" if nothing did.
+        to_run: How many of each task nothing broke, and that have no result.
     """
 
     name: str
@@ -81,6 +83,7 @@ class MethodFigures:
     assisted: bool
     overall: Group
     tasks: dict[str, Group]
+    houses: dict[str, Group]
     instances: dict[str, dict[int, float]]
     paper: float | None
     failures: Failures
@@ -89,6 +92,7 @@ class MethodFigures:
     wall_s: float | None
     queries: str
     missing: dict[str, str]
+    to_run: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,11 @@ class Figures:
     def tasks(self) -> list[str]:
         """Names of the tasks, in order."""
         return list(dict.fromkeys(task for method in self.methods for task in method.tasks))
+
+    @property
+    def houses(self) -> list[str]:
+        """Names of the houses, in order; "" is a task's own."""
+        return list(dict.fromkeys(house for method in self.methods for house in method.houses))
 
     def data(self) -> dict[str, Any]:
         """For programs: plain data of JSON."""
@@ -169,6 +178,9 @@ def figures(
 def _method(runs: Runs) -> MethodFigures:
     results = list(runs.results.values())
     of_task = {task: [c for c in runs.episodes if c.task_name == task] for task in runs.tasks}
+    of_house: dict[str, list[EpisodeConfig]] = {}
+    for config in runs.episodes:
+        of_house.setdefault(config.house_name, []).append(config)
     wall, wall_s = wall_shares(results)
     return MethodFigures(
         name=runs.method,
@@ -178,6 +190,7 @@ def _method(runs: Runs) -> MethodFigures:
         assisted=any(config.assisted for config in runs.episodes),
         overall=group_of(runs, runs.episodes),
         tasks={task: group_of(runs, configs) for task, configs in of_task.items()},
+        houses={house: group_of(runs, configs) for house, configs in of_house.items()},
         instances={task: _instances(runs, configs) for task, configs in of_task.items()},
         paper=paper_mean(runs.method, runs.tasks),
         failures=count_failures(results),
@@ -193,6 +206,10 @@ def _method(runs: Runs) -> MethodFigures:
             for c in runs.episodes
             if c not in runs.results
         },
+        to_run={
+            task: sum(c not in runs.results and c not in runs.faults for c in configs)
+            for task, configs in of_task.items()
+        },
     )
 
 
@@ -205,26 +222,22 @@ def _privileged(runs: Runs) -> list[str]:
 def group_of(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:
     """What came of some episodes of a method."""
     done = [(c, runs.results[c]) for c in configs if c in runs.results]
-    rows = [((c.task_name, c.instance, c.seed), result) for c, result in done]
-    zeros = by_instance(
-        ((c.task_name, c.instance, c.seed), (runs.results[c].q if c in runs.results else 0.0,)) for c in configs
-    )
+    rows = [(key_of(c), result) for c, result in done]
+    zeros = drawn_anew((key_of(c), (runs.results[c].q if c in runs.results else 0.0,)) for c in configs)
     return Group(
         episodes=len(configs),
         finished=len(done),
         successes=sum(result.success for _, result in done),
-        q_with_missing=found.mean if (found := estimate(list(zeros.values()), resamples=1)) else 0.0,
+        q_with_missing=found.mean if (found := estimate(zeros, resamples=1)) else 0.0,
         measures={
-            measure.key: estimate(
-                list(by_instance((key, (x,)) for key, r in rows if (x := measure.of(r)) is not None).values())
-            )
+            measure.key: estimate(drawn_anew((key, (x,)) for key, r in rows if (x := measure.of(r)) is not None))
             for measure in MEASURES
         },
     )
 
 
 def _instances(runs: Runs, configs: Sequence[EpisodeConfig]) -> dict[int, float]:
-    """Instance to its mean q over seeds, of one task's episodes that have a result."""
+    """Instance to its mean q over seeds and houses, of one task's episodes that have a result."""
     scores: defaultdict[int, list[float]] = defaultdict(list)
     for config in configs:
         if config in runs.results:

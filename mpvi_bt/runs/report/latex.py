@@ -29,7 +29,7 @@ _MINUS = re.compile(r"(?<![\w.])-(?=[\d.])")
 
 
 def report_latex(figures: Figures, runs: Sequence[Runs] = (), columns: Sequence[str] = ()) -> str:
-    """The tables: scores, q on each task, comparisons, effort, time and distances; or one of chosen columns.
+    """The tables: scores, q on each task, in each house, comparisons, effort, time and distances; or chosen columns.
 
     Args:
         figures: What to tell. The paper's are left out unless a column asks for them.
@@ -55,6 +55,8 @@ def _tables(figures: Figures) -> Iterator[str]:
         f"Mean q on each task of {figures.suite}, and how many of the episodes with a result reached the whole goal.",
         "tasks",
     )
+    if (houses := t.house_table(figures)).rows:
+        yield _table(houses, f"Mean q in each house of {figures.suite}.", "houses")
     if figures.comparisons:
         compared = t.comparisons_table(figures.comparisons)
         yield _table(compared, f"Methods {on}, compared by a paired, two-sided permutation test.", "comparisons")

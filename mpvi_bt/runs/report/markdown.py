@@ -64,6 +64,9 @@ def _blocks(figures: Figures, stem: str, running: bool, plots: dict[str, str]) -
     yield "## Tasks"
     yield _table(t.task_table(figures))
     yield from (_table(table) for method in figures.methods if (table := t.instance_table(method)).rows)
+    if (houses := t.house_table(figures)).rows:
+        yield "## Houses"
+        yield _table(houses, titled=False)
     yield "## Time and distances"
     yield _table(t.efficiency_table(figures))
     for task in figures.tasks:

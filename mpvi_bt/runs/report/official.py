@@ -28,14 +28,15 @@ def official_summary(runs: Runs) -> dict[str, Any]:
 
     Returns:
         Keys "overall_scores" (score to its mean), "per_task_scores" (score, task), "per_rollout_scores" (score, task,
-        "INSTANCE_SEED"). "task_sr" is the share of rollouts with q = 1; higher is better for all.
+        "INSTANCE_SEED", or "HOUSE_INSTANCE_SEED" where a house is named). "task_sr" is the share of rollouts with
+        q = 1; higher is better for all.
     """
     tasks = runs.tasks
     rollouts = {task: sum(c.task_name == task for c in runs.episodes) for task in tasks}
     scores: dict[str, dict[str, dict[str, float]]] = {name: {task: {} for task in tasks} for name in SCORES}
-    for (task, instance, seed), result in runs.by_key.items():
+    for (task, house, instance, seed), result in runs.by_key.items():
         for name, of in SCORES.items():
-            scores[name][task][f"{instance}_{seed}"] = of(result) or 0.0
+            scores[name][task][f"{house}_{instance}_{seed}".removeprefix("_")] = of(result) or 0.0
     of_task = {
         name: {task: sum(found.values()) / rollouts[task] for task, found in per_task.items()}
         for name, per_task in scores.items()

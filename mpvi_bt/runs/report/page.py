@@ -102,6 +102,7 @@ def _sections(
         if (table := t.instance_table(method)).rows
     ]
     yield "Tasks", "".join(tasks)
+    yield "Houses", _filled(t.house_table(figures), titled=False)
     efficiency = _table(t.efficiency_table(figures)) + "".join(
         _folded(task, _table(t.efficiency_table(figures, task), titled=False)) for task in figures.tasks
     )

@@ -18,7 +18,7 @@ from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.report.statistics import Array
 from mpvi_bt.runs.suite.store import Fault, Store
 
-Key = tuple[str, int, int]  # task, instance, seed
+Key = tuple[str, str, int, int]  # task, house that was named or "", instance, seed
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,12 @@ class Runs:
     @property
     def by_key(self) -> dict[Key, Result]:
         """The results, as another method's can be looked up beside them."""
-        return {(c.task_name, c.instance, c.seed): self.results[c] for c in self.episodes if c in self.results}
+        return {key_of(c): self.results[c] for c in self.episodes if c in self.results}
+
+
+def key_of(config: EpisodeConfig) -> Key:
+    """What tells an episode from the others of its method."""
+    return config.task_name, config.house_name, config.instance, config.seed
 
 
 def runs_of(
@@ -144,8 +149,23 @@ BY_KEY = {measure.key: measure for measure in MEASURES}
 def by_instance(rows: Iterable[tuple[Key, Sequence[float]]]) -> dict[str, Array]:
     """Task to (instances, k): figures of its instances, means over their seeds."""
     tasks: dict[str, dict[int, list[Sequence[float]]]] = {}
-    for (task, instance, _), values in rows:
+    for (task, _, instance, _), values in rows:
         tasks.setdefault(task, {}).setdefault(instance, []).append(values)
     return {
         task: np.array([np.mean(seeds, axis=0) for seeds in instances.values()]) for task, instances in tasks.items()
     }
+
+
+def drawn_anew(rows: Iterable[tuple[Key, Sequence[float]]]) -> list[Array]:
+    """What a bootstrap draws anew: within each task its instances, or houses where there are several.
+
+    Returns:
+        For each task (instances, k), means over their seeds; or a single (houses, k), means over instances, then tasks.
+    """
+    houses: dict[str, list[tuple[Key, Sequence[float]]]] = {}
+    for row in rows:
+        houses.setdefault(row[0][1], []).append(row)
+    tables = [list(by_instance(of_house).values()) for of_house in houses.values()]
+    if len(tables) < 2:
+        return [table for of_house in tables for table in of_house]
+    return [np.array([np.mean([table.mean(0) for table in of_house], axis=0) for of_house in tables])]

@@ -3,11 +3,14 @@
 Our choice of the bootstrap: the tasks are the benchmark and stay as they are; within each task its instances are drawn
 anew, with all their seeds. Of n instances n - 1 are drawn, so that the spread is that of the unbiased variance, which a
 bootstrap of n falls short of by a tenth where n is 10 (Rao and Wu, "Resampling inference with complex survey data",
-1988). Bounds are percentiles.
+1988). Bounds are percentiles. Where there are several houses, these are drawn anew instead, each with all its tasks and
+instances: a table of houses stands for the tables of tasks. A second draw, of instances within a house, would count
+their spread twice, as it is in that of the houses' means already (Davison and Hinkley, "Bootstrap methods and their
+application", 1997, section 3.8).
 
 Our choice of the test: paired, two-sided, of the same mean of differences. If a method made no difference, either of a
-pair's two figures could be either's: the sign of each instance's difference is drawn anew, all its seeds together.
-scipy does it, exactly where there are few instances.
+pair's two figures could be either's: the sign of each instance's difference is drawn anew, all its seeds together, or
+of each house's, where there are several. scipy does it, exactly where there are few.
 """
 
 from __future__ import annotations

@@ -81,9 +81,12 @@ def standing(figures: Figures, running: bool = False) -> str:
 
 def method_note(figures: Figures) -> str:
     """How means and intervals come about."""
+    over, drawn, what = "then tasks", "instances are drawn anew within each task", "instances"
+    if len(figures.houses) > 1:
+        over, drawn, what = "tasks, then houses", "houses are drawn anew, each with all its instances", "houses"
     return (
-        f"Means are over seeds, then instances, then tasks. Brackets are {figures.level:.0%} bootstrap intervals: "
-        f"instances are drawn anew within each task, {figures.resamples} times; tasks are not. Where all instances "
+        f"Means are over seeds, then instances, {over}. Brackets are {figures.level:.0%} bootstrap intervals: "
+        f"{drawn}, {figures.resamples} times; tasks are not. Where all {what} "
         "score alike the interval has no width; that says that no spread was seen, not that there is none."
     ).replace("%", " %")
 
@@ -128,6 +131,20 @@ def task_table(figures: Figures) -> Table:
             "they stand beside ours, and are no target."
         )
     return Table("", head, rows, note)
+
+
+def house_table(figures: Figures) -> Table:
+    """Mean q of each method in each house; no rows if there is only one house."""
+    rows = [
+        [house or "the task's own", *(_scored(method.houses.get(house)) for method in figures.methods)]
+        for house in figures.houses
+        if len(figures.houses) > 1
+    ]
+    note = (
+        "In parentheses: episodes that reached the whole goal, of those that have a result. Brackets in a house's row: "
+        "instances are drawn anew within each task."
+    )
+    return Table("Houses", ["house", *_names(figures)], rows, note)
 
 
 def instance_table(method: MethodFigures) -> Table:
@@ -281,11 +298,12 @@ def settings_table(figures: Figures) -> Table:
 def missing_table(figures: Figures) -> Table:
     """Episodes without a result: each that broke, and how many of a task are still to be run."""
     rows = [[method.name, name, fault] for method in figures.methods for name, fault in method.missing.items() if fault]
-    for method in figures.methods:
-        for task, group in method.tasks.items():
-            broken = sum(bool(f) for name, f in method.missing.items() if name.rsplit("_", 2)[0] == task)
-            if left := group.episodes - group.finished - broken:
-                rows.append([method.name, f"{left} of {task}", "not run yet"])
+    rows += [
+        [method.name, f"{left} of {task}", "not run yet"]
+        for method in figures.methods
+        for task, left in method.to_run.items()
+        if left
+    ]
     return Table("Episodes without a result", ["method", "episode", "why"], rows)
 
 

@@ -28,7 +28,7 @@ from mpvi_bt.runs.episode.result import write_json
 
 FILE = "manifest.json"
 _MOST = 4  # differences that a message shows
-_EPISODES_OWN = ("task", "instance", "seed", "method")
+_EPISODES_OWN = ("task", "house", "instance", "seed", "method")
 
 
 class Manifest(Record):
@@ -38,7 +38,7 @@ class Manifest(Record):
         manifest: Version of this layout.
         version, bddl: Of mpvi_bt, and of the distribution that problems come from.
         suite, about: Its name, and its line for people.
-        tasks, instances, seeds: Its lists, as last run: more may be added.
+        tasks, houses, instances, seeds: Its lists, as last run: more may be added. A house of null is the task's own.
         methods: Settings of every method by its name; "" where the suite names none.
         files: Digest of all data that the episodes read, by its name below a root.
     """
@@ -49,6 +49,7 @@ class Manifest(Record):
     suite: str
     about: str = ""
     tasks: list[str]
+    houses: list[str | None] = [None]
     instances: list[int]
     seeds: list[int]
     methods: dict[Annotated[str, Field(pattern=r"^([^./\x00][^/\x00]*)?$")], dict[str, JsonValue]]
@@ -67,9 +68,10 @@ class Manifest(Record):
     def episodes(self) -> list[EpisodeConfig]:
         """Every episode, instances running fastest."""
         return [
-            EpisodeConfig(task, instance, seed, method=method or None, **_fields(settings))
+            EpisodeConfig(task, instance, seed, method=method or None, **{"house": house, **_fields(settings)})
             for method, settings in self.methods.items()
             for task in self.tasks
+            for house in self.houses
             for seed in self.seeds
             for instance in self.instances
         ]
@@ -127,6 +129,7 @@ def make_manifest(suite: str, episodes: Sequence[EpisodeConfig], about: str = ""
         suite=suite,
         about=about,
         tasks=list(dict.fromkeys(config.task for config in episodes)),
+        houses=list(dict.fromkeys(config.house for config in episodes)),
         instances=list(dict.fromkeys(config.instance for config in episodes)),
         seeds=list(dict.fromkeys(config.seed for config in episodes)),
         methods=methods,
@@ -169,7 +172,7 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
     found = {_name(path): _digest(path) for path in sorted(read)}
     catalogue = load_catalogue()
     used = {entry for task in tasks.values() for entry in task.bindings.values()}
-    for house in {c.house or tasks[c.task].house for c in kinds}:
+    for house in dict.fromkeys(c.house or tasks[c.task].house for c in kinds):
         if (seed := seed_of(house)) is not None:
             found[f"house {house}"] = _hash(generated_house(seed))
         used |= {fixture.entry.name for fixture in load_house(house, catalogue).fixtures.values()}

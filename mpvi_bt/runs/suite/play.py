@@ -115,7 +115,7 @@ def play(
     manifest, budget_s = make_manifest(title, episodes, about), budgets_s(episodes)
     budget = SuiteBudget(store.out / "asked.json", calls, tokens)
     ready: dict[str | None, list[Prepared | None]] = {}  # by the thresholds that they name
-    for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():
+    for config in (replace(c, suite_budget=budget) for c in _kinds(episodes)):
         # what is wrong with a tree or a plan is said once, and before workers start
         ready.setdefault(config.calibration, []).append(check_episode(config))
     for config in {c.calibration: c for c in episodes}.values():
@@ -130,6 +130,13 @@ def play(
     return run_suite(
         chosen, store, engine, listen(EpisodeTimes(budget_s)), partial(in_rounds, budget_s=budget_s), manifest
     )
+
+
+def _kinds(episodes: Sequence[EpisodeConfig]) -> list[EpisodeConfig]:
+    """One episode of each task and method, and one of each task and house, house by house."""
+    by_method = {(c.task, c.method): c for c in episodes}
+    by_house = {(c.house or "", c.task): c for c in episodes}
+    return list(dict.fromkeys([*by_method.values(), *(by_house[key] for key in sorted(by_house))]))
 
 
 def _part(episodes: Sequence[EpisodeConfig], tasks: Sequence[str], instances: Sequence[int]) -> list[EpisodeConfig]:
