@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import subprocess
 import sys
@@ -19,14 +20,18 @@ from mpvi_bt.executive.remote.lerobot_policy import LerobotPolicy
 from mpvi_bt.executive.remote.lerobot_server import LerobotServerPolicy
 from mpvi_bt.ground.errors import BadMessage, PolicyError, UserError
 from mpvi_bt.ground.robot.action_rows import state_of
-from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.policies import PolicyInputs, make_policy, paced
 from mpvi_bt.testing import check_policy
 from mpvi_bt.testing.doubles import KinematicRobot
-from tests.layouts import ACTION_SIZE
+from tests.layouts import ACTION_SIZE, LAYOUT
 from tests.lerobot_files import OURS, checkpoint, dataset
 from tests.lerobot_servers import HOME, ROWS, LerobotServer, chunk_of, pickled_chunk
 from tests.numbered_body import numbered_body
 from tests.remote_servers import free_port
+
+ELBOW = LAYOUT.arm["right"].start + 3
 
 pytest.importorskip("grpc", reason="needs the extra lerobot-grpc")
 pytest.importorskip("torch", reason="the stand-in answers tensors of torch's, as LeRobot does")
@@ -111,6 +116,34 @@ def test_the_folder_may_be_another_one_there(trained: Path) -> None:
         policy.reset()
         policy.close()
     assert (server.setups[0]["pretrained_name_or_path"], server.setups[0]["device"]) == ("/far/away/act", "cuda")
+
+
+@pytest.mark.parametrize("fps", [10, 15, 30])
+def test_a_motion_takes_its_time_whatever_rate_its_dataset_has(fps: int, tmp_path: Path) -> None:
+    """Rows of an elbow that a checkpoint closes by 0.3 rad/s: after two seconds it is 0.6 rad further at any rate."""
+
+    def onward(step: int, seen: dict[str, Any]) -> bytes:
+        rows = np.repeat([[seen[f"state_{k}"] for k in range(ACTION_SIZE)]], ROWS, axis=0).astype(np.float32)
+        rows[:, ELBOW] += 0.3 * np.arange(1, ROWS + 1) / fps
+        return pickled_chunk(step, rows)
+
+    folder = checkpoint(tmp_path / "act", dataset(tmp_path / "picks", fps=fps))
+    robot = KinematicRobot()
+    began = robot.proprioception().arm["right"][3]
+    with LerobotServer(onward) as server:
+        policy = paced(policy_at(server, folder), EpisodeConfig("picking_up_trash", policy="lerobot:it"))
+        policy.reset()
+        steps = 0
+        while steps < 2 * CONTROL_HZ:
+            images = {camera: robot.look(camera) for camera in policy.cameras}
+            given = {"prompt": "fold", "proprioception": robot.proprioception(), "images": images}
+            for action in policy.infer(given | {"command": robot.action})[: 2 * CONTROL_HZ - steps]:
+                robot.act(action)
+                robot.advance(robot.action)
+                steps += 1
+        policy.close()
+    assert robot.proprioception().arm["right"][3] - began == pytest.approx(0.6, abs=1e-4)
+    assert len(server.seen) == math.ceil(2 * fps / ROWS)
 
 
 def other_step(step: int, seen: dict[str, Any]) -> bytes:
