@@ -36,11 +36,13 @@ def test_lists_have_every_thing_and_every_family(mpvi: Shell) -> None:
         (["picking_up_trush"], "Did you mean 'picking_up_trash'?"),
         (["trash_can", "--out", "x.gif"], "x.gif: pictures are written as .png or .jpg."),
         (["fetsh"], "Did you mean 'fetch'?"),
-        (["cup", "--json"], "--json is for robots."),
+        (["cup", "--json"], "--json is for robots and houses."),
         (["fetch", "--out", "x.gif"], "x.gif: pictures are written as .png or .jpg."),
+        (["famly_house"], "Did you mean 'family_house'?"),
+        (["generated:x"], "generated:7"),
         (["no_robot.yaml"], "no_robot.yaml: there is no such file."),
-        ([], "Name a thing of the catalogue, a task or a robot, or give --page."),
-        (["cup", "--page", "x.md"], "Name a thing of the catalogue, a task or a robot, or give --page."),
+        ([], "Name a thing of the catalogue, a task, a house or a robot, or give --page."),
+        (["cup", "--page", "x.md"], "Name a thing of the catalogue, a task, a house or a robot, or give --page."),
     ],
 )
 def test_what_cannot_be_shown_is_told(args: list[str], said: str, mpvi: Shell) -> None:

@@ -1,4 +1,4 @@
-"""`mpvi show`: pictures of things of the catalogue, of houses, and of robots with what their files say."""
+"""`mpvi show`: pictures of things of the catalogue, and of houses and robots with what their files say."""
 
 from __future__ import annotations
 
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from mpvi_bt.house.things.catalogue import CatalogueEntry
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
-_SMALL, _LARGE, _WIDE = (200, 150), (640, 480), (1400, 640)
-_FOV_RAD = 0.6
-_TILT_RAD = 0.5  # of the camera over a house: one sees floors and things on them, and walls as such
+_SMALL, _LARGE = (200, 150), (640, 480)
 _JPEG_QUALITY = 85
 
 
@@ -28,31 +26,36 @@ _JPEG_QUALITY = 85
 @click.argument("name", required=False, metavar="NAME")
 @click.option("--out", type=_FILE, metavar="FILE", help="File to write, png or jpg.  [default: NAME.png]")
 @click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
-@click.option("--json", "as_json", is_flag=True, help="For programs: a robot as one JSON object.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: a robot or a house as one JSON object.")
 def show(name: str | None, out: Path | None, page: Path | None, as_json: bool) -> None:
-    """Draw one thing NAME of the catalogue, or the family NAME with its doors ajar; a task; or a robot.
+    """Draw one thing NAME of the catalogue, or the family NAME with its doors ajar; a task; a house; or a robot.
 
-    Of a task its house is drawn from above, as instance 0 begins. NAME of a robot is a name of robots/ or a file: its
-    base, joints, cameras and actions are printed, and it is drawn from its side and from above, with footprint, views
-    of cameras and reach of arms. With --json a robot is drawn only if --out is given.
+    Of a task its house is drawn from above, as instance 0 begins. NAME of a house is a name of tasks/houses/, a file or
+    generated:SEED: a plan, its rooms and fixtures are printed, and it is drawn from above. NAME of a robot is a name of
+    robots/ or a file: its base, joints, cameras and actions are printed, and it is drawn from its side and from above,
+    with footprint, views of cameras and reach of arms. With --json these are drawn only if --out is given.
 
     With --page a picture of every family goes into a folder beside the page, which is named after it.
     """
     from mpvi_bt.ground import paths
     from mpvi_bt.ground.robot.robots import FOLDER
+    from mpvi_bt.house.layout.house_names import FOLDER as HOUSES
     from mpvi_bt.house.things.catalogue import load_catalogue
     from mpvi_bt.house.things.families import FAMILIES
 
     if (name is None) == (page is None):
-        raise click.UsageError("Name a thing of the catalogue, a task or a robot, or give --page.")
+        raise click.UsageError("Name a thing of the catalogue, a task, a house or a robot, or give --page.")
     if out is not None and out.suffix not in (".png", ".jpg"):
         raise UserError(f"{out}: pictures are written as .png or .jpg.")
     robots = paths.names(FOLDER)
+    if name is not None and _shows_house(name):
+        _house(name, out, as_json)
+        return
     if name is not None and (name in robots or Path(name).suffix in paths.SUFFIXES):
         _robot(name, out, as_json)
         return
     if as_json:
-        raise click.UsageError("--json is for robots.")
+        raise click.UsageError("--json is for robots and houses.")
     catalogue = load_catalogue()
     if page is not None:
         if out is not None:
@@ -68,11 +71,13 @@ def show(name: str | None, out: Path | None, page: Path | None, as_json: bool) -
     assert name is not None
     entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
     if entry is None and name not in (tasks := paths.names("tasks")):
-        known = {*catalogue.entries, *FAMILIES, *tasks, *robots}
-        raise UnknownName("catalogue entry, family, task or robot", name, known)
+        known = {*catalogue.entries, *FAMILIES, *tasks, *paths.names(HOUSES), *robots}
+        raise UnknownName("catalogue entry, family, task, house or robot", name, known)
     out = out or Path(f"{name}.png")
     if entry is None:
-        _keep(_house(name), out)
+        from mpvi_bt.apps.authoring.house_picture import task_picture
+
+        _keep(task_picture(name), out)
     else:
         draw(entry, out)
     tell(f"wrote {out}")
@@ -106,31 +111,38 @@ def _robot(name: str, out: Path | None, as_json: bool) -> None:
         tell(f"\nwrote {out}")
 
 
-def _house(name: str) -> NDArray[np.uint8]:
-    """The house of a task from above, as its first instance begins, with the names of what is in it."""
-    import numpy as np
-
-    from mpvi_bt.house.instances.instances import begin, expanded_problem
-    from mpvi_bt.house.instances.tasks import load_task
+def _house(name: str, out: Path | None, as_json: bool) -> None:
+    """Print what there is to say of a house, and draw it."""
+    from mpvi_bt.apps.authoring.house_sheet import house_sheet, house_text
     from mpvi_bt.house.layout.house import load_house
-    from mpvi_bt.house.sim.cutaway import cutaway
-    from mpvi_bt.house.sim.views import overview
-    from mpvi_bt.house.things.catalogue import load_catalogue
-    from mpvi_bt.runs.recording.named_house import name_things
 
-    task, catalogue = load_task(name), load_catalogue()
-    house = load_house(task.house)
-    world, start = begin(task, house, catalogue, expanded_problem(task, house), 0)
-    aspect = _WIDE[0] / _WIDE[1]
-    camera = overview(house, _FOV_RAD, aspect, _TILT_RAD)
-    picture = cutaway(world, camera, _WIDE, _FOV_RAD)
-    things = [
-        (start.objects[name].entry.phrases[0], np.concatenate([solid.aabb() for solid in world.solids(name)]))
-        for name in world.objects
-    ]
-    things += [(fixture.entry.phrases[0], fixture.extent()) for fixture in house.fixtures.values()]
-    name_things(picture, camera, _FOV_RAD, things)
-    return picture
+    house = load_house(name)
+    sheet = house_sheet(house)
+    tell(json.dumps(sheet, indent=2) if as_json else house_text(sheet))
+    if out is None and not as_json:
+        out = Path(f"{house.name.replace(':', '-')}.png")
+    if out is not None:
+        from mpvi_bt.apps.authoring.house_picture import house_picture
+
+        _keep(house_picture(house), out)
+    if out is not None and not as_json:
+        tell(f"\nwrote {out}")
+
+
+def _shows_house(name: str) -> bool:
+    """Whether a name or a file is of a house. Raises UserError if there is no such file."""
+    from mpvi_bt.ground import paths
+    from mpvi_bt.ground.file_kinds import kind_of
+    from mpvi_bt.ground.marked_yaml import load_marked
+    from mpvi_bt.house.generated.seeded_name import PREFIX
+    from mpvi_bt.house.layout.house_names import FOLDER, check_house_name
+
+    if name.startswith(PREFIX):
+        check_house_name(name)
+        return True
+    if Path(name).suffix in paths.SUFFIXES:
+        return kind_of(*load_marked(paths.find_or_file(FOLDER, name))).noun == "house"
+    return name in paths.names(FOLDER)
 
 
 def _keep(picture: NDArray[np.uint8], path: Path) -> None:
