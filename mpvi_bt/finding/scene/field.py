@@ -75,19 +75,14 @@ class Field:
         self._low = np.array([*(np.asarray(middle, float)[:2] - np.array(size_m[:2]) / 2), low_z])
         self._cell = cell_m
         self._to_world = np.eye(4)
-        doubt, earlier = np.zeros(tuple(count), np.uint8), np.zeros(tuple(count) if before else (0, 0, 0), np.uint8)
-        seen = [(doubt, view, thick_m) for view in views] + [(earlier, view, _REMEMBERED_M) for view in before]
-        for cells, view, thick in seen:
-            image = view.image
-            depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
-            own = np.zeros_like(view.through) if view.own is None else view.own
-            T_camera_grid = matmul(kin.inverse(image.T_world_camera), kin.transform(np.eye(3), self._low + cell_m / 2))
-            camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-            kernels()["carve"](cells, depth, own, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
+        doubt = np.zeros(tuple(count), np.uint8)
+        self._mark(doubt, views, surface_m, thick_m)
         veiled = doubt == _VEILED
         doubt[veiled] = 0
         if before:
-            doubt[(doubt == 0) & (earlier == _HIDDEN)] = _HIDDEN
+            earlier = np.where(doubt == 0, 0, _FREE).astype(np.uint8)  # only there do they count
+            self._mark(earlier, before, surface_m, _REMEMBERED_M)
+            doubt[earlier == _HIDDEN] = _HIDDEN
         if known is not None:
             stays, shown = known(
                 *(low + cell_m * (np.arange(n) + 0.5) for low, n in zip(self._low, count, strict=True))
@@ -95,6 +90,17 @@ class Field:
             doubt[(doubt == 0) & (stays | (veiled & shown))] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
+
+    def _mark(self, doubt: NDArray[np.uint8], views: Sequence[View], surface_m: float, thick_m: float) -> None:
+        """Mark cells by what views show there; those marked free stay so."""
+        for view in views:
+            image, K = view.image, view.image.K
+            depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
+            own = np.zeros_like(view.through) if view.own is None else view.own
+            first = kin.transform(np.eye(3), self._low + self._cell / 2)
+            T_camera_grid = matmul(kin.inverse(image.T_world_camera), first)
+            camera = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+            kernels()["carve"](doubt, depth, own, T_camera_grid, camera, self._cell, surface_m, _NOISE_PER_M, thick_m)
 
     def seen_from(self, T: Array) -> Field:
         """The same in another frame; `T` (4, 4) maps that frame into the present one."""
@@ -162,10 +168,26 @@ def _carve(doubt, depth, own, T, camera, cell, surface, noise, thick):  # type: 
     `T` maps cell corners to the camera.
     """
     height, width = depth.shape
+    sides = np.empty((4, 4))  # planes that bound what is in view: x, y, z and 1 times these are at least 0 there
+    for c in range(4):
+        for axis in range(2):
+            along, end = camera[axis] * T[axis, c], float(height if axis else width)
+            sides[2 * axis, c] = along + camera[2 + axis] * T[2, c]
+            sides[2 * axis + 1, c] = (end - camera[2 + axis]) * T[2, c] - along
     for i in range(doubt.shape[0]):
         for j in range(doubt.shape[1]):
             x0, y0 = i * cell, j * cell
-            for k in range(doubt.shape[2]):
+            first, last = 0, doubt.shape[2] - 1  # cells of this column that are in view, and one more at each end
+            for side in range(4):
+                rise = sides[side, 2] * cell
+                start = sides[side, 0] * x0 + sides[side, 1] * y0 + sides[side, 3]
+                if rise > 1e-9:
+                    first = max(first, int(min(-start / rise, 1e6)) - 1)
+                elif rise < -1e-9:
+                    last = min(last, int(min(-start / rise, 1e6)) + 1)
+                elif start < -1e-6:
+                    last = -1
+            for k in range(first, last + 1):
                 if doubt[i, j, k] == 2:
                     continue
                 z0 = k * cell

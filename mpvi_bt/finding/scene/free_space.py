@@ -40,6 +40,7 @@ class SpaceParameters:
 
 
 _SPACE = SpaceParameters()
+_KEPT = 2  # our choice: fields of obstacles that are kept, 7 MB each
 
 
 class FreeSpace:
@@ -57,7 +58,7 @@ class FreeSpace:
         self._things, self._pictures, self._parts = things, pictures, parts
         self._remembered, self._standing = remembered, standing
         self._trusting, self._remembering = False, True
-        self._field: tuple[object, Obstacles] | None = None
+        self._fields: dict[object, Obstacles] = {}  # the last two: those with and without what is beside alternate
         self.focus: Array | None = None
 
     @contextlib.contextmanager
@@ -81,9 +82,9 @@ class FreeSpace:
         focus = None if self.focus is None else tuple(np.round(self.focus, 2))
         how = (self._pictures.changes, self._trusting, self._remembering)
         key = (tuple(self._pictures.here()), tuple(sorted(without)), beside, focus, tuple(np.round(xy, 2)), how)
-        if self._field is None or self._field[0] != key:
-            self._field = (key, self._carved(xy, without, beside))
-        return Together([self._field[1], Surroundings(self._unseen(without))])
+        field = self._fields.pop(key, None) or self._carved(xy, without, beside)
+        self._fields = dict([*self._fields.items(), (key, field)][-_KEPT:])
+        return Together([field, Surroundings(self._unseen(without))])
 
     def _look_closely(self, xy: Array, without: Collection[str], beside: str | None) -> None:
         """Focus on the smallest known thing of `without`, or on the foot of the furniture `beside`."""
