@@ -161,6 +161,13 @@ def test_a_broken_folder_is_told_of_in_a_line(trained: Path, file: str, text: st
     assert "\n" not in str(told.value)
 
 
+def test_a_relative_dataset_is_found_from_above_the_checkpoint(tmp_path: Path) -> None:
+    """Who trained with `--dataset.root=picks --output_dir=act` may run the checkpoint from any folder."""
+    dataset(tmp_path / "picks", fps=20)
+    one = read_checkpoint(checkpoint(tmp_path / "act/checkpoints/000500/pretrained_model", Path("picks")))
+    assert (one.robot, one.fps, one.dataset) == ("r1", 20.0, tmp_path / "picks")
+
+
 def test_a_dataset_without_a_rate_is_refused(tmp_path: Path) -> None:
     """No guess is made where the dataset is there and says nonsense."""
     with pytest.raises(UserError, match="'fps' is the rows a second"):

@@ -154,9 +154,11 @@ def _dataset(folder: Path) -> tuple[Path | None, dict[str, Any]]:
         return None, {}
     told = _json(folder / TRAINING).get("dataset")
     root = told.get("root") if isinstance(told, dict) else None
-    if not isinstance(root, str) or not (info := Path(root) / "meta/info.json").is_file():
-        return None, {}
-    return Path(root), _json(info)
+    if isinstance(root, str):
+        for base in (Path(), *folder.absolute().parents):  # a relative one is from where it was trained
+            if (info := base / root / "meta/info.json").is_file():
+                return base / root, _json(info)
+    return None, {}
 
 
 def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: RobotDescription) -> None:
