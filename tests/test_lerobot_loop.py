@@ -41,7 +41,8 @@ def call(module: str, *given: Any) -> None:
 def test_what_is_recorded_here_and_trained_by_lerobot_is_tried_here(tmp_path: Path) -> None:
     """Two picks become a dataset, `lerobot-train` a checkpoint of one camera, and that moves the robot."""
     episodes, picks, act, rows = (tmp_path / name for name in ("episodes", "picks", "act", "rows.jsonl"))
-    call("benchmarks.hands.demonstrations", tmp_path, "--skill", "pick", "--count", 2, "--episodes", episodes, "-j", 1)
+    call("benchmarks.hands.demonstrations", tmp_path, "--skill", "pick", "-c", "table", "--count", 2,
+         "--episodes", episodes, "-j", 1)  # fmt: skip
     call("mpvi_bt.apps.cli", "dataset", episodes, "--all", "--out", picks, "--size", 32)
     call("lerobot.scripts.lerobot_train", f"--dataset.root={picks}", f"--output_dir={act}",
          *(f"--{key}={value}" for key, value in TRAINING.items()))  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,7 +64,9 @@ class _Watch:
         return self.ok or done or self._policy.gave_up or self._world.time_s > _LIMIT_S
 
 
-def demonstrate(seed: int, folder: Path, skill: str, episodes: Path | None = None) -> dict[str, Any]:
+def demonstrate(
+    seed: int, folder: Path, skill: str, episodes: Path | None = None, chosen: Sequence[str] = ()
+) -> dict[str, Any]:
     """Play one scene; keep the demonstration if it was done at the first attempt. Returns a row of what came of it.
 
     Args:
@@ -72,10 +74,11 @@ def demonstrate(seed: int, folder: Path, skill: str, episodes: Path | None = Non
         folder: Where the demonstration is kept.
         skill: Of `MIXES`.
         episodes: Where it is recorded with pictures too, as `mpvi dataset` reads it.
+        chosen: Cases that are drawn; none: all of the skill's.
     """
     started = time.perf_counter()
     rng = np.random.default_rng([seed, 7])
-    cases = [case for case, share in MIXES[skill].items() for _ in range(share)]
+    cases = [case for case, share in MIXES[skill].items() for _ in range(share) if not chosen or case in chosen]
     case = cases[rng.integers(len(cases))]
     row: dict[str, Any] = {"seed": seed, "case": case, "ok": False}
     try:
@@ -129,19 +132,24 @@ def _failed(seed: int, cause: str) -> dict[str, Any]:
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--skill", type=click.Choice(list(MIXES)), default="pick", show_default=True)
+@click.option("--case", "-c", "chosen", multiple=True, help="Only this case of the skill; may be repeated.")
 @click.option("--count", type=click.IntRange(1), default=1000, show_default=True, help="Scenes that are tried.")
 @click.option("--first", type=int, default=FIRST_SEED, show_default=True, help="Seed of the first.")
 @click.option("--episodes", type=click.Path(path_type=Path, file_okay=False),
               help="Record pictures there, too, as `mpvi dataset` reads them.")  # fmt: skip
 @click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
-def main(folder: Path, skill: str, count: int, first: int, episodes: Path | None, workers: int) -> None:
+def main(
+    folder: Path, skill: str, chosen: tuple[str, ...], count: int, first: int, episodes: Path | None, workers: int
+) -> None:
     """Record demonstrations into FOLDER/SKILL, one file each; those that are there are not made again."""
+    if unknown := set(chosen) - set(MIXES[skill]):
+        raise click.UsageError(f"{skill} has no case {', '.join(sorted(unknown))}; it has {', '.join(MIXES[skill])}")
     folder /= skill
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "log.jsonl"
     tried = {json.loads(line)["seed"] for line in log.read_text().splitlines()} if log.exists() else set()
     seeds = [seed for seed in range(first, first + count) if seed not in tried]
-    play = partial(demonstrate, folder=folder, skill=skill, episodes=episodes)
+    play = partial(demonstrate, folder=folder, skill=skill, episodes=episodes, chosen=chosen)
     kept = 0
     with log.open("a", encoding="utf-8") as file:
         rows = play_all(play, _failed, seeds, workers, _WALL_LIMIT_S)
