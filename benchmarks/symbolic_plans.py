@@ -1,23 +1,35 @@
-"""Plans of the symbolic planner beside those on file: `python -m benchmarks.symbolic_plans [TASK...]`."""
+"""Plans of the symbolic planner beside those on file.
+
+    python -m benchmarks.symbolic_plans [TASK...]
+    python -m benchmarks.symbolic_plans --played FOLDER
+
+The first prints a row for each task: seconds, segments and drives, each beside those on file, and what paper says. The
+second prints, of results of `mpvi run TASK --method expert --planner symbolic --out FOLDER` for some tasks and start
+states, q beside that of the plans on file (`benchmarks/results/behavior50.json`, method `expert`), in pairs.
+"""
 
 from __future__ import annotations
 
-import sys
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
+import click
+import numpy as np
+
+from benchmarks.origin import grid
+from benchmarks.played import Played
+from benchmarks.tables import load
 from mpvi_bt.executive.plan.schema import Navigation, Plan
 from mpvi_bt.ground.errors import MpviError
 from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.runs.episode.result import Result, read_result
+from mpvi_bt.runs.report.compare import SAME_Q
 from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner
 from tests.symbolic_state import CannotBe
 from tests.test_plans50 import TASKS, plan_of, unmet
 
-
-def main(tasks: list[str]) -> None:
-    """Print a row for each task: seconds, segments and drives, each beside those on file, and what paper says."""
-    print("| task | seconds | segments | on file | drives | on file | on paper |\n|---|---|---|---|---|---|---|")
-    for task in tasks:
-        print(_row(task), flush=True)
+DRAWS = 4000  # of tasks, for an interval
 
 
 def _row(task: str) -> str:
@@ -40,5 +52,47 @@ def _drives(plan: Plan) -> int:
     return sum(isinstance(segment, Navigation) for segment in plan.segments)
 
 
+def results(folder: Path) -> list[Result]:
+    """Results of runs, in any folders below one; without those that are no result."""
+    found = (read_result(file) for file in sorted(folder.rglob("*.json")))
+    return sorted((one for one in found if one is not None), key=lambda one: (one.task, one.instance_id))
+
+
+def pairs(played: list[Result]) -> Iterator[list[str]]:
+    """Rows of a table: task and start state, q by the plan on file and by the symbolic plan; then the means."""
+    filed = load("behavior50")
+    assert isinstance(filed, Played)
+    on_file = {(one.task, one.instance): one for found in filed.of("expert").values() for one in found}
+    q: dict[str, list[tuple[float, float]]] = {}
+    for one in played:
+        other = on_file[one.task, one.instance_id]
+        q.setdefault(one.task, []).append((other.q, one.q))
+        yield [f"`{one.task}`", f"{one.instance_id}", f"{other.q:.2f}", f"{one.q:.2f}",
+               f"{other.time_s:.0f}", f"{one.time.simulator_time:.0f}"]  # fmt: skip
+    both = np.concatenate([np.array(found) for found in q.values()])
+    times = np.mean([(on_file[one.task, one.instance_id].time_s, one.time.simulator_time) for one in played], axis=0)
+    changes = np.array([np.subtract(*np.mean(found, axis=0)[::-1]) for found in q.values()])
+    drawn = np.random.default_rng(0).choice(changes, (DRAWS, len(changes))).mean(1)
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    higher, lower = (both[:, 1] > both[:, 0] + SAME_Q).sum(), (both[:, 1] < both[:, 0] - SAME_Q).sum()
+    told = f"{changes.mean():+.2f}, 95 % {low:+.2f} to {high:+.2f}; {higher} higher, {lower} lower"
+    yield [f"mean of {len(q)} tasks; difference {told}", "",
+           *(f"{mean:.2f}" for mean in both.mean(0)), *(f"{mean:.0f}" for mean in times)]  # fmt: skip
+
+
+@click.command()
+@click.argument("tasks", nargs=-1)
+@click.option("--played", type=click.Path(path_type=Path, exists=True), help="Folder of results to compare.")
+def main(tasks: tuple[str, ...], played: Path | None) -> None:
+    """Print plans of the symbolic planner beside those on file, or how well they play."""
+    if played is not None:
+        heads = ["task", "start state", "q on file", "q symbolic", "s on file", "s symbolic"]
+        click.echo(grid(heads, list(pairs(results(played)))))
+        return
+    click.echo("| task | seconds | segments | on file | drives | on file | on paper |\n|---|---|---|---|---|---|---|")
+    for task in tasks or TASKS:
+        click.echo(_row(task))
+
+
 if __name__ == "__main__":
-    main(sys.argv[1:] or TASKS)
+    main()

@@ -24,7 +24,6 @@ from mpvi_bt.runs.symbolic.told_facts import told_facts
 from tests.test_plans50 import plan_of
 
 SKILLS = load_skills()
-PATIENT_S = 120.0  # a busy machine must not change what is found
 CAN, TRASH = "can of soda", load_task("picking_up_trash")
 TWO_CANS = (
     "go to a can of soda",
@@ -61,7 +60,7 @@ def cans(past: History) -> list[tuple[str, str]]:
 def planned(past: History) -> Plan:
     pytest.importorskip("unified_planning")
     start = task_start(TRASH)
-    planner = SymbolicPlanner(TRASH, PATIENT_S, so_far=lambda known: world_so_far(SKILLS, start, known))
+    planner = SymbolicPlanner(TRASH, so_far=lambda known: world_so_far(SKILLS, start, known))
     return planner.ask("picking_up_trash", "", past).plan
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.house.goals.formula import Literal
-from mpvi_bt.runs.symbolic.grounded_actions import HAND_COST, WAIT_COST, GroundedAction
+from mpvi_bt.runs.symbolic.grounded_actions import FLOOR_COST, HAND_COST, WAIT_COST, GroundedAction
 from mpvi_bt.runs.symbolic.possible_spots import PossibleSpots
 from mpvi_bt.runs.symbolic.told_facts import Atom
 
@@ -16,7 +16,7 @@ Found = Iterator[GroundedAction]
 class Deeds(PossibleSpots):
     """Actions by the effects of skills; hands, what is near and what the skills' files need are not in them yet.
 
-    Passing to the other hand and pouring are none of them.
+    Passing to the other hand is none of them.
     """
 
     def deeds(self, skill: Skill) -> Found:
@@ -36,9 +36,11 @@ class Deeds(PossibleSpots):
     def _inside(self, skill: Skill, slot: str, container: str, relation: str = "inside") -> Found:
         for thing, spots in self.spots.items():
             for place in [place for kind, place in spots if kind == relation]:
-                there = {("at", thing)} if relation == "ontop" and self.wide(place) else set[Atom]()
+                floor = self.told.is_floor(place)
+                there = {("by" if floor else "at", thing)} if relation == "ontop" and self.wide(place) else set[Atom]()
                 adds = {("placed", thing, relation, place), *there}
-                yield _deed({slot: thing, container: place}, (thing, place), adds=adds)
+                cost = FLOOR_COST if floor else HAND_COST
+                yield _deed({slot: thing, container: place}, (thing, place), adds=adds, cost=cost)
 
     def _ontop(self, skill: Skill, slot: str, surface: str) -> Found:
         return self._inside(skill, slot, surface, "ontop")
@@ -58,9 +60,7 @@ class Deeds(PossibleSpots):
     def _stands(self, thing: str) -> Iterator[tuple[str, set[Atom], str]]:
         """What a thing stands on, what has to be so for that, and what it is reached under, if it is under anything."""
         if self.told.fixed(thing):
-            room = self.told.problem.rooms[thing]
-            floors = [t for t in self.told.things if self.told.is_floor(t) and self.told.problem.rooms[t] == room]
-            yield (floors[0] if floors else thing), set(), ""
+            yield self.floor_by(thing), set(), ""
         for place in [place for relation, place in self.spots.get(thing, ()) if relation == "ontop"]:
             lies: Atom = ("placed", thing, "ontop", place)
             yield place, {lies}, ""
@@ -68,15 +68,34 @@ class Deeds(PossibleSpots):
                 if pair.predicate == "under" and pair.args[0] == thing:
                     yield place, {lies, ("at", pair.args[1]), ("under", *pair.args)}, pair.args[1]
 
+    def _poured(self, skill: Skill, slot: str, container: str) -> Found:
+        for vessel in [thing for thing in self.carried if self.told.able(thing, "fillable")]:
+            held = {thing: spot for thing, spot in self.placed.items() if spot[1] == vessel}
+            kept = [thing for thing, spot in held.items() if {("placed", thing, *spot)} & {*self.goal}]
+            spots = [set(self.spots.get(thing, ())) for thing in held]
+            for relation, place in sorted(set.intersection(*spots)) if spots and not kept else ():
+                if relation == "inside" and not self.told.fixed(place) and place != vessel:
+                    out: set[Atom] = {("placed", thing, *spot) for thing, spot in held.items()}
+                    there: set[Atom] = {("placed", thing, relation, place) for thing in held}
+                    yield _deed({slot: vessel, container: place}, (vessel, place, *held), out, adds=there, drops=out)
+
     def _pushed(self, skill: Skill, slot: str, target: str) -> Found:
         for literal in [pair for pair in self.pairs if pair.predicate == "nextto"]:
             for thing, other in (literal.args, literal.args[::-1]):
-                if (
-                    self.told.fixed(thing)
-                    and thing in self.told.entries
-                    and self.told.entries[thing].mass_kg is not None
-                ):
-                    yield _deed({slot: thing, target: other}, (thing, other), adds={("nextto", *literal.args)})
+                words, beside = {slot: thing, target: other}, {("nextto", *literal.args)}
+                if self.told.fixed(thing):
+                    if thing in self.told.entries and self.told.entries[thing].mass_kg is not None:
+                        yield _deed(words, (thing, other), self._put_first(), adds=beside)
+                elif thing == literal.args[0] and self.told.two_hands(thing) and self._pairs_of(thing) == 1:
+                    for place, needs, _ in self._stands(other):
+                        yield _deed(words, (thing, other), needs | {("placed", thing, "ontop", place)}, adds=beside)
+
+    def _put_first(self) -> set[Atom]:
+        """Where things are wanted: furniture that was pushed stands in the way of that."""
+        return {atom for atom in self.goal if atom[0] in ("placed", "nextto", "under") and atom[1] in self.loose}
+
+    def _pairs_of(self, thing: str) -> int:
+        return sum(thing in pair.args for pair in self.pairs)
 
     def _attached(self, skill: Skill, slot: str, target: str) -> Found:
         for thing, other in [a.args for a, so in self.wanted.items() if so and a.predicate == "attached"]:

@@ -8,9 +8,14 @@ from dataclasses import dataclass, field
 from mpvi_bt.runs.symbolic.told_facts import Atom
 
 DRIVE_COST, WAIT_COST, HAND_COST = 8, 1, 2  # our choice: a drive takes as long as four motions of a hand
-# Our choice: to lay things on what hangs in a hand, or to take them from it, is worse than two drives more, of who sets
-# it down and comes back. In the house such plans failed.
+FLOOR_COST = 4  # our choice: what is set down on a floor is in the way, and hands reach it less well
+# Our choice: to work on what hangs in a hand is worse than two drives more, of who sets it down and comes back. In the
+# house such plans failed.
 HANGING_COST = 3 * DRIVE_COST
+DOOR_COST = 7  # our choice: who moves a door while the other hand is full may lose what that one holds
+# Our choice: what lies loose on a thing that is moved may fall, fire burns, and with both arms around a thing the robot
+# finds no way past what lies on the floor.
+ADVERSE_COST = 2 * DRIVE_COST
 HANDS = ("right", "left")
 
 

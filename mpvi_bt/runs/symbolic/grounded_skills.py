@@ -10,7 +10,14 @@ from mpvi_bt.executive.plan.skill_effects import RELEASING, SkillEffects
 from mpvi_bt.executive.plan.skills import Skill, shipped_skills
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.runs.symbolic.deeds import Deeds
-from mpvi_bt.runs.symbolic.grounded_actions import DRIVE_COST, HANDS, HANGING_COST, GroundedAction
+from mpvi_bt.runs.symbolic.grounded_actions import (
+    ADVERSE_COST,
+    DOOR_COST,
+    DRIVE_COST,
+    HANDS,
+    HANGING_COST,
+    GroundedAction,
+)
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts
 
 
@@ -59,8 +66,10 @@ class Actions(Deeds):
             yield self._drive(marks, floor, needs=frozenset({("covered", floor, marks)}))
 
     def _drive(self, target: str, *beside: str, needs: frozenset[Atom] = frozenset()) -> GroundedAction:
-        there = frozenset(("at", place) for place in (target, *beside))
-        left = frozenset(("at", place) for place in self.stops) - there
+        """To a target and what it lies on; the floor there is in reach, too."""
+        fixed = next(place for place in (target, *beside) if self.wide(place))
+        there = frozenset(("at", place) for place in (target, *beside, self.floor_by(fixed)))
+        left = frozenset(("at", place) for place in self.stops) - there | {("by", thing) for thing in self.loose}
         return GroundedAction("go_to", (target,), "", needs, adds=there, drops=left, cost=DRIVE_COST)
 
     def _machines(self) -> Iterator[GroundedAction]:
@@ -81,6 +90,7 @@ class Actions(Deeds):
         needed |= {("toggled_on", words[slot]) for slot in needs.on if slot in words}
         forbids = deed.forbids | self._open_atoms(needs.closed, words)
         releases = any(getattr(effects, term) for term in RELEASING)
+        after, without = self._calm(skill, words)
         for hand, before, frees in self._hands(needs.hands, payload):
             held = {("held", words[effects.held], hand or "both")} if effects.held else frees if releases else set()
             drops = deed.drops | before if effects.held or releases else deed.drops
@@ -88,11 +98,33 @@ class Actions(Deeds):
             for ways in product(*(self._near(thing, others, deed.needs, effects) for thing in reached)):
                 so = needed.union(before, *ways)
                 adds = deed.adds | held
-                hanging = (effects.held or effects.ontop) and any(a[0] == "held" for way in ways for a in way)
-                yield replace(
+                full = {("free", other) for other in others} if effects.open or effects.closed else set[Atom]()
+                hanging = not effects.on and any(a[0] == "held" for way in ways for a in way)
+                act = replace(
                     deed, skill=skill.name, hand=hand, needs=so, forbids=forbids, adds=adds, drops=drops,
-                    cost=deed.cost + HANGING_COST * bool(hanging),
+                    cost=deed.cost + HANGING_COST * hanging,
                 )  # fmt: skip
+                yield replace(act, needs=so | full | after, forbids=forbids | without)
+                if full:
+                    yield replace(act, cost=act.cost + DOOR_COST)
+                if after or without:
+                    yield replace(act, cost=act.cost + ADVERSE_COST)
+
+    def _calm(self, skill: Skill, words: Mapping[str, str]) -> tuple[set[Atom], set[Atom]]:
+        """What had better be so before a thing is taken or pushed, and what had better not be."""
+        effects = skill.effects
+        moved = words.get(effects.held or (effects.pushed or ("",))[0], "")
+        above = [thing for thing, spots in self.spots.items() if ("ontop", moved) in spots]
+        without: set[Atom] = {("placed", thing, "ontop", moved) for thing in above}
+        without |= {("on_fire", moved)} if self.to_be("on_fire", moved) else set()
+        for one, other in [sorted(pair.args, key=self.told.things.index) for pair in self.pairs if moved in pair.args]:
+            if moved == other and one in self.placed and self.told.name(one) == self.told.name(other):
+                without.add(("placed", one, *self.placed[one]))  # no words tell them apart: they are taken in order
+        floors = {place for place in self.told.things if self.told.is_floor(place)}
+        floors = {floor for floor in floors if self.told.room_of(floor) == self.told.room_of(moved)}
+        on_floor = [thing for thing, (_, place) in self.placed.items() if place in floors and thing != moved]
+        in_way = on_floor if skill.hands == 2 and effects.held else []
+        return {atom for atom in self.goal if atom[0] in ("placed", "nextto") and atom[1] in in_way}, without
 
     def _open_atoms(self, slots: Iterable[str], words: Mapping[str, str]) -> frozenset[Atom]:
         return frozenset(("open", words[slot]) for slot in slots if slot in words and self.openable(words[slot]))
@@ -120,6 +152,8 @@ class Actions(Deeds):
         known = [(a[2], a[3]) for a in so if a[:2] == ("placed", thing)]
         if not known or self.seen(*known[0]):
             yield frozenset({("at", thing)})
+        if effects.held and known and self.told.is_floor(known[0][1]):
+            yield frozenset({("by", thing)})  # it was just set down
         if effects.open or effects.closed:
             return
         if effects.inside or effects.ontop or effects.on:

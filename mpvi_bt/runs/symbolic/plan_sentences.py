@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.schema import Manipulation, Navigation, Segment
+from mpvi_bt.executive.plan.skill_effects import RELEASING
 from mpvi_bt.executive.plan.skill_phrases import filled
 from mpvi_bt.executive.plan.skill_words import effects_words, shown_phrase
 from mpvi_bt.executive.plan.skills import Skill
@@ -35,7 +36,19 @@ class Sentences:
     def segments(self, actions: list[GroundedAction]) -> tuple[Segment, ...]:
         """The segments. Waits for things of one kind are one segment."""
         found: list[Segment] = []
+        self.told_apart = self._hands_told(actions)
+        here, reached, unit = "", set[str](), list[GroundedAction]()
         for i, action in enumerate(actions):
+            thing = action.args[0] if action.skill == "go_to" else self._worked_at(action)
+            if action.skill != "go_to" and self._begins(action, unit):
+                thing = thing or here
+            elif action.skill != "go_to" and self._in_reach(action, thing, reached):
+                thing = ""
+            if thing:
+                here, reached, unit = thing, {thing, *self._below(thing)}, []
+                if action.skill != "go_to":
+                    found.append(self._drive(GroundedAction("go_to", (thing,))))
+            unit.append(action)
             self.now = (self.now - action.drops) | action.adds
             after = actions[i + 1] if i + 1 < len(actions) else None
             if action.skill == "wait" and after is not None and self._same_wait(action, after):
@@ -43,6 +56,57 @@ class Sentences:
             found.append(self._drive(action) if action.skill == "go_to" else self._hands(action))
             self.used += action.args
         return tuple(found)
+
+    def _begins(self, action: GroundedAction, unit: list[GroundedAction]) -> bool:
+        """Whether an action is better the first of a unit, since only the end of a unit is checked.
+
+        It is so after things were put down, or taken to be carried on, and where what ends it was so before the unit.
+        """
+        last = next((self.skills[act.skill].effects for act in reversed(unit) if act.skill != "go_to"), None)
+        if last is None:
+            return False
+        effects = self.skills[action.skill].effects
+        puts, put = effects.put or effects.poured, last.put or last.poured
+        if (put and not puts) or (last.held and not puts and not effects.held):
+            return True
+        opened = {atom for act in unit for atom in act.adds if atom[0] in ("open", "toggled_on")}
+        let_go = {atom[:2] for act in unit for atom in act.drops if atom[0] == "held"}
+        return bool(action.drops & opened or {atom[:2] for atom in action.adds if atom[0] == "held"} & let_go)
+
+    def _worked_at(self, action: GroundedAction) -> str:
+        """What to stand at for an action: the furniture, or what can be carried and stands on it; "" is anywhere."""
+        near = [action.words[slot] for slot in self.skills[action.skill].needs.near if slot in action.words]
+        *loose, fixed = "", *near[:1], *self._below(near[0] if near else "")
+        if fixed not in self.told.problem.rooms or (len(loose) == 1 and self.told.is_floor(fixed)):
+            return ""  # it is in a hand, or underfoot
+        return loose[-1] if ("placed", loose[-1], "ontop", fixed) in self.now else fixed
+
+    def _in_reach(self, action: GroundedAction, thing: str, reached: set[str]) -> bool:
+        """Whether the robot need not drive to a thing; to let go of something it is enough to be at its furniture."""
+        lets_go = any(getattr(self.skills[action.skill].effects, term) for term in RELEASING)
+        near = {thing, *self._below(thing)} if lets_go else {thing}
+        return not thing or any(place in reached and not self.told.is_floor(place) for place in near)
+
+    def _below(self, thing: str) -> list[str]:
+        """What a thing lies on or in, what that lies on or in, and so on."""
+        places = {atom[1]: atom[3] for atom in self.now if atom[0] == "placed"}
+        found = []
+        while thing := places.get(thing, ""):
+            found.append(thing)
+        return found
+
+    def _hands_told(self, actions: list[GroundedAction]) -> set[GroundedAction]:
+        """What is done between two moments with empty hands, if the hands hold alike things on the way."""
+        told, since, alike = set[GroundedAction](), list[GroundedAction](), False
+        held = {atom for atom in self.now if atom[0] == "held"}
+        for action in actions:
+            since.append(action)
+            held = (held - action.drops) | {atom for atom in action.adds if atom[0] == "held"}
+            kinds = [self.names[atom[1]].split()[-1] for atom in held]
+            alike |= len(kinds) > len(set(kinds))
+            told |= set(since) if alike else set()
+            since, alike = (since, alike) if held else ([], False)
+        return told
 
     def _same_wait(self, action: GroundedAction, after: GroundedAction) -> bool:
         return (
@@ -66,6 +130,9 @@ class Sentences:
         for inner in sorted(mine):
             if all(inner not in other for other in others):
                 return f"the {name} with the {inner}"
+        for inner in sorted(mine):
+            if any(inner not in other for other in others):
+                return f"{with_article(name)} with {with_article(inner)}"
         for kind in sorted({self.names[a[1]] for a in self.now if a[0] == "held"}):
             if kind not in mine and any(kind in other for other in others):
                 return f"{with_article(name)} without {with_article(kind)}"
@@ -125,7 +192,8 @@ class Sentences:
         return said + (self._how(action) if by_hand is not None and by_hand.skill == skill else ""), ends or said
 
     def _how(self, action: GroundedAction) -> str:
-        return f" with the {action.hand} hand" if action.hand else ""
+        """The hand, where it is not left to the robot: it knows best with which one it reaches a thing."""
+        return f" with the {action.hand} hand" if action.hand and action in self.told_apart else ""
 
     def _many(self, things: Iterable[str], relation: str) -> str:
         """Things of one kind and a verb, counted: "two bottles are ..."."""
@@ -142,16 +210,22 @@ class Sentences:
 
     def _pick(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
         return (
-            f"pick up {self._a(thing)}{self._source(place)}{self._how(action)}",
-            f"{self._a(thing)} is held in the {action.hand} gripper",
+            f"pick up {self._a(thing)}{self._source(action, place)}{self._how(action)}",
+            f"{self._a(thing)} is held in {f'the {action.hand}' if self._how(action) else 'a'} gripper",
         )
 
-    def _source(self, place: str) -> str:
-        return "" if self.told.fixed(place) and not self.told.able(place, "openable") else f" from {self.one(place)}"
+    def _source(self, action: GroundedAction, place: str) -> str:
+        """Where a thing is taken from, in words, as things were before."""
+        if self.told.fixed(place) and not self.told.able(place, "openable"):
+            return ""
+        now, self.now = self.now, self.now | {atom for atom in action.drops if atom[0] == "placed"}
+        where = self.one(place)
+        self.now = now
+        return f" from {where}"
 
     def _lift(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
         return (
-            f"lift {self._a(thing)}{self._source(place)} with both hands",
+            f"lift {self._a(thing)}{self._source(action, place)} with both hands",
             f"{self._a(thing)} is held with both hands",
         )
 
@@ -183,6 +257,9 @@ class Sentences:
         where = self._before(action, thing, place, "ontop")
         return f"put the {self.names[thing]} on {where}{self._how(action)}", self._place(thing, place, "ontop", "on")
 
+    def _pour(self, action: GroundedAction, vessel: str, container: str, *things: str) -> tuple[str, str]:
+        return f"empty {self.one(vessel)} into {self.one(container)}", self._many(things, f"in {self._a(container)}")
+
     def _pair(self, thing: str, target: str) -> tuple[str, str]:
         """The target of a pair, and as a criterion says it."""
         if self.names[thing] == self.names[target]:
@@ -213,7 +290,7 @@ class Sentences:
         )
 
     def _open(self, action: GroundedAction, thing: str) -> tuple[str, str]:
-        return f"open {self.one(thing)}{self._how(action)}", f"{self._a(thing)} is open"
+        return f"open {self.one(thing)}", f"{self._a(thing)} is open"
 
     def _close(self, action: GroundedAction, thing: str) -> tuple[str, str]:
         alike = self._alike(thing)
@@ -221,10 +298,10 @@ class Sentences:
         which = self.one(thing) if len(shut) == 1 else f"the open {self.names[thing]}"
         if 1 < len(shut) < len(alike):
             which = f"an open {self.names[thing]}"
-        return f"close {which}{self._how(action)}", self._many(shut, "closed")
+        return f"close {which}", self._many(shut, "closed")
 
     def _press(self, action: GroundedAction, thing: str, state: str) -> tuple[str, str]:
-        return f"turn {state} {self.one(thing)}{self._how(action)}", f"{self._a(thing)} is turned {state}"
+        return f"turn {state} {self.one(thing)}", f"{self._a(thing)} is turned {state}"
 
     def _wipe(self, action: GroundedAction, thing: str, tool: str, marks: str) -> tuple[str, str]:
         what = f"the {self.names[marks]} off the {self.names[thing]}" if self.told.is_floor(thing) else self.one(thing)

@@ -32,19 +32,24 @@ class PossibleSpots:
     def __init__(self, told: ToldFacts, wanted: dict[Literal, bool], goal: Collection[Atom]) -> None:
         self.told, self.wanted, self.goal = told, wanted, sorted(goal)
         self.start = told.start
-        self.placed = {a[1]: (a[2], a[3]) for a in self.start if a[0] == "placed"}
+        self.placed = {a[1]: (a[2], a[3]) for a in sorted(self.start) if a[0] == "placed"}
         self.loose = [t for t in told.things if not told.fixed(t)]
         self.carried = {t: told.entries[t] for t in self.loose if t in told.entries}
         marked = [(a[2], a[1]) for a in sorted(self.start) if a[0] == "covered"]
         self.floor_marks = {marks: thing for marks, thing in marked if thing in told.things and told.is_floor(thing)}
         self.stops = [*told.things, *self.floor_marks]
         self.made = self._made()
-        self.spots = self._spots()
         self.pairs = [a for a in wanted if wanted[a] and a.predicate in ("nextto", "under")]
+        self.spots = self._spots()
 
     def wide(self, place: str) -> bool:
         """Whether things that lie on it may be out of reach of one another: furniture and floors."""
         return self.told.fixed(place)
+
+    def floor_by(self, fixed: str) -> str:
+        """The floor that furniture stands on."""
+        room = self.told.problem.rooms[fixed]
+        return next(t for t in self.told.things if self.told.is_floor(t) and self.told.problem.rooms[t] == room)
 
     def seen(self, relation: str, place: str) -> bool:
         """Whether the robot can drive to what lies there: on furniture, or inside of what has no door."""
@@ -90,7 +95,7 @@ class PossibleSpots:
         spots: dict[str, list[tuple[str, str]]] = {}
         desks = [place for relation, place in dict.fromkeys(self.placed.values()) if self._desk(relation, place)]
         boards = [t for t in self.loose if self.board(t)]
-        pans = [t for t in self.loose if self.told.able(t, "fillable") or self.told.able(t, "heatable")]
+        pans = [t for t in self.loose if self.told.able(t, "heatable")]
         for thing in self.loose:
             mine = [self.placed[thing]] if thing in self.placed else []
             mine += [(a[2], a[3]) for a in self.goal if a[0] == "placed" and a[1] == thing]
@@ -99,18 +104,26 @@ class PossibleSpots:
             if self.to_be("cooked", thing) or self.to_be("hot", thing) or self.to_be("frozen", thing):
                 mine += self._appliances(thing)
                 mine += [
-                    ("ontop", pan) for pan in pans if pan != thing and self.wide(self.placed.get(pan, ("", ""))[1])
+                    ("inside" if self.told.able(pan, "fillable") else "ontop", pan)
+                    for pan in pans
+                    if pan != thing and self.wide(self.placed.get(pan, ("", ""))[1])
                 ]
-            if any(c in pans for _, c in mine) or thing in pans:
+            if thing in pans:
                 mine += [("ontop", t) for t in self.told.things if self._stove(t)]
             if any(a[0] == "covered" and a[1] == thing for a in self.start):
                 mine += [("inside", t) for t in self.told.things if self._washes(t)]
             mine += [("ontop", desk) for desk in desks]
+            mine += [("ontop", self.floor_by(t)) for a in self.pairs if thing in a.args for t in a.args if self.wide(t)]
             spots[thing] = [s for s in dict.fromkeys(mine) if s[1] != thing]
+        vessels = {place for places in spots.values() for _, place in places}
+        for thing in vessels & spots.keys():
+            spots[thing] += [("ontop", t) for t in self.told.things if self.told.is_floor(t)]
+            spots[thing] = list(dict.fromkeys(spots[thing]))
         return spots
 
     def _desk(self, relation: str, place: str) -> bool:
-        return relation == "ontop" and self.told.fixed(place) and not self.told.is_floor(place)
+        fixed = self.told.fixed(place) and not self.told.is_floor(place)
+        return relation == "ontop" and fixed and not self._stove(place)
 
     def _stove(self, thing: str) -> bool:
         source = self.told.entries[thing].source if thing in self.told.entries else None

@@ -24,7 +24,7 @@ from mpvi_bt.runs.symbolic.plan_sentences import Sentences
 from mpvi_bt.runs.symbolic.reachability import OutOfReach, out_of_reach
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts, told_facts
 
-LIMIT_S = 10.0  # our choice [s of wall time]
+LIMIT_S = 5  # our choice [s of processor time]
 _TERMS = {  # of skills' effects that bring a predicate about, if it is not called so
     "toggled_on": "on", "cooked": "meanwhile", "frozen": "meanwhile", "hot": "meanwhile", "on_fire": "burning",
     "covered": "clean", "real": "cut", "gone": "cut",
@@ -42,7 +42,7 @@ class SymbolicPlanner:
     def __init__(
         self,
         task: Task,
-        limit_s: float = LIMIT_S,
+        limit_s: int = LIMIT_S,
         tell: Callable[[str], None] = lambda line: None,
         so_far: Callable[[History], PaperHands] | None = None,
     ) -> None:
@@ -50,7 +50,7 @@ class SymbolicPlanner:
 
         Args:
             task: To plan.
-            limit_s: Bounds the search [s of wall time].
+            limit_s: Bounds the search [s of processor time].
             tell: Is told if the cheapest plan would take longer.
             so_far: Says how things are in the middle of an episode; None: then it makes no new plans.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from mpvi_bt.ground.words.phrases import normalize
+from mpvi_bt.house.goals.formula import Fact, Literal
 from mpvi_bt.house.goals.problem import AGENT, BddlProblem, load_problem
 from mpvi_bt.house.instances.tasks import Task
 from mpvi_bt.house.layout.boards import MovableForm
@@ -107,7 +108,7 @@ class ToldFacts:
 
 def told_facts(task: Task) -> ToldFacts:
     """What a task tells. Raises UserError, FileProblems as its files are read."""
-    problem, house, catalogue = load_problem(task.problem), load_house(task.house), load_catalogue()
+    problem, house, catalogue = _with_floors(load_problem(task.problem)), load_house(task.house), load_catalogue()
     entries: dict[str, CatalogueEntry] = {}
     for thing, synset in problem.objects.items():
         room = problem.rooms.get(thing)
@@ -120,3 +121,12 @@ def told_facts(task: Task) -> ToldFacts:
             made = [entry for entry in catalogue if entry.synset == synset]
             entries.update({thing: made[0]} if made else {})
     return ToldFacts(problem, entries, house, catalogue)
+
+
+def _with_floors(problem: BddlProblem) -> BddlProblem:
+    """A problem with a floor in each of its rooms: things can be set down there in any case."""
+    with_one = {room for thing, room in problem.rooms.items() if problem.objects[thing] in FLOORS}
+    floors = {f"floor_{room}": room for room in sorted({*problem.rooms.values()} - with_one)}
+    objects = {**problem.objects, **dict.fromkeys(floors, FLOORS[0])}
+    stand = (Fact(Literal("inroom", floor)) for floor in floors.items())
+    return replace(problem, objects=objects, init=(*problem.init, *stand))
