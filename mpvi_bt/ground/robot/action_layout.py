@@ -75,7 +75,7 @@ class ActionLayout:
 
     def set_velocity(self, action: Array, velocity: Array | float) -> None:
         """Write vx, vy [m/s] and yaw rate [rad/s], (..., 3) or one number for all, into actions (..., A), in place."""
-        told = np.broadcast_to(np.asarray(velocity, float), (*action.shape[:-1], 3))
+        told = np.asarray(velocity, float)
         for k, i in enumerate(self.base):
             if i is not None:
-                action[..., i] = told[..., k]
+                action[..., i] = told[..., k] if told.ndim else told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,6 +22,7 @@ _STRAIN = 0.9  # or less, so that no joint needs more than that share of what it
 _STEP_RAD = 1e-4  # for slopes
 
 
+@lru_cache(maxsize=2)  # policy, navigator and triggers ask of the same step
 def squeezes(felt: Proprioception) -> bool:
     """Whether something between the hands keeps them from closing in on each other (Our choice: by 2 cm or more)."""
     if not felt.arm_command or len(felt.sides) < 2:

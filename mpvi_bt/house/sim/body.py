@@ -47,10 +47,12 @@ class SimBody:
         self.links = {link.name.removeprefix(prefix): link for link in articulation.links}
         self._joints = {joint.name.removeprefix(prefix): joint for joint in articulation.active_joints}
         order = list(self._joints)
-        self._base = [order.index(n) for n in self.physics.base_joints]
+        self._base = np.array([order.index(n) for n in self.physics.base_joints])
         self._torso = [(i, order.index(n)) for i, n in enumerate(model.torso_joints) if n is not None]
-        self._arm = {s: [order.index(n) for n in names] for s, names in model.arm_joints.items()}
-        self._fingers = {s: [order.index(f.joint) for f in group] for s, group in self.physics.fingers.items()}
+        self._arm = {s: np.array([order.index(n) for n in names], int) for s, names in model.arm_joints.items()}
+        self._fingers = {
+            s: np.array([order.index(f.joint) for f in group], int) for s, group in self.physics.fingers.items()
+        }
         self._closed = {s: np.array([f.closed for f in group]) for s, group in self.physics.fingers.items()}
         self._rates = {s: np.array([f.rate for f in group]) for s, group in self.physics.fingers.items()}
         self._felt: Proprioception | None = None
