@@ -12,6 +12,7 @@ from scipy import ndimage
 from mpvi_bt.finding.perception.detector import Detection
 from mpvi_bt.ground.errors import DetectorError, shown
 from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import CameraImage
 
@@ -59,7 +60,7 @@ def locate(detection: Detection, image: CameraImage) -> Located | None:
         same = _largest_surface(z)
         u, v, z = u[same], v[same], z[same]
     points = in_world(image, u, v, z)
-    lowest, highest = np.percentile(points, _EXTENT, axis=0)
+    lowest, highest = percentile(points, _EXTENT)
     center = (lowest + highest) / 2
     if detection.mask is None:
         left, top, right, bottom = _within(detection, image)

@@ -93,8 +93,7 @@ class Frame:
     def cut(self, mask: NDArray[np.bool_]) -> bool:
         """Whether a mask is cut by the edge of the picture or, before the head, by the robot's own arms."""
         edge = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()
-        near = self.image.camera == "head" and not edge and ndimage.binary_dilation(mask, iterations=_OWN_PX)
-        return bool(edge or (near & self.robot).any())
+        return bool(edge) or (self.image.camera == "head" and bool((grown(mask, _OWN_PX) & self.robot).any()))
 
     def depth_at(self, p_world: Array) -> tuple[float, float] | None:
         """(depth of a point, depth measured there) [m], or None if it is out of the picture or nothing was measured."""
@@ -173,11 +172,13 @@ def take(
     image: CameraImage, felt: Proprioception, detector: Detector, phrases: Sequence[str], stand: int, way_m: float
 ) -> Frame:
     """A picture taken in: where the camera is follows from the joints alone."""
+    import cv2
+
     base = kin.base(felt.base_pose)
     camera = robot_named(felt.robot).camera_poses(felt.torso, felt.arm)[image.camera]
     # Single pixels are noisy. What stands out from its neighbors by more than noise is an edge, or thin, and stays; a
     # hole stays a hole: nothing is known there.
-    near = ndimage.median_filter(image.depth, 3)
+    near = cv2.medianBlur(np.ascontiguousarray(image.depth, np.float32), 3)
     smooth = (image.depth > 0) & (np.abs(near - image.depth) < DEPTH_NOISE.pixel_m * image.depth**2)
     depth = np.where(smooth, near, image.depth).astype(np.float32)
     image = replace(image, T_world_camera=matmul(base, camera), depth=depth)
@@ -186,9 +187,19 @@ def take(
     for shown in found:
         if shown.phrase == ROBOT:
             own |= shown.mask
-    own = ndimage.binary_dilation(own, np.ones((3, 3), bool), iterations=_OWN_PX)
+    own = grown(own, _OWN_PX, np.ones((3, 3), bool))
     things = tuple(replace(s, mask=_without_background(s.mask, image)) for s in found if s.phrase != ROBOT)
     return Frame(image, image.points_world(), own, things, stand, way_m)
+
+
+def grown(mask: NDArray[np.bool_], by_px: int, about: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """(H, W) bool: a mask grown by some pixels, each time to the neighbors that `about` (3, 3) marks; None: to four."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    out = mask.copy()
+    if len(rows):
+        window = tuple(np.s_[max(at[0] - by_px, 0) : at[-1] + 1 + by_px] for at in (rows, columns))
+        out[window] = ndimage.binary_dilation(mask[window], about, iterations=by_px)
+    return out
 
 
 def _without_background(mask: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.finding.scene.frames import SEEN_PX, Frame, Pictures
+from mpvi_bt.finding.scene.frames import SEEN_PX, Frame, Pictures, grown
 from mpvi_bt.finding.scene.hand_history import HandHistory
 from mpvi_bt.finding.scene.hands import TOUCH, Hand, falls_into
 from mpvi_bt.finding.scene.remembered import Remembered
@@ -102,7 +101,7 @@ class Handling:
                 if shape is not None and (shape.kind == "vessel" or thing.shape.kind != "vessel"):
                     thing.shape = shape
                     self._hands.load(hand, thing.name, shape)
-        self._pictures.give_to_robot(frame, ndimage.binary_dilation(mask, iterations=2))
+        self._pictures.give_to_robot(frame, grown(mask, 2))
 
     # ------------------------------------------------------------------------------------------ from prompt to prompt
 

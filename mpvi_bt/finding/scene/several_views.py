@@ -18,6 +18,7 @@ from mpvi_bt.finding.shapes.fit import fit
 from mpvi_bt.finding.shapes.outlines import main_cluster
 from mpvi_bt.finding.shapes.shape import Shape
 from mpvi_bt.ground.geometry.linear_algebra import norm
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array
 
 
@@ -61,11 +62,11 @@ def fitted(views: Sequence[View], support_m: float) -> Shape | None:
         shift = _shift(np.concatenate(parts[: -len(fresh)]), np.concatenate(fresh))
         if shift is not None and norm(shift) > _AGREEMENT.drifted_m:
             parts = [*(p + shift for p in parts[: -len(fresh)]), *fresh]
-    support = None if head else support_m
+    support, around = None if head else support_m, _around(head or wrist)
     if wrist:
         near = main_cluster(wrist[0][0].of(wrist[0][1]))
         shift = _shift(np.concatenate(parts), near) if head and len(near) >= SEEN_PX else np.zeros(3)
-        before = fit(np.concatenate(parts), _around(head), head[-1][0].eye) if head else None
+        before = fit(np.concatenate(parts), around, head[-1][0].eye) if head else None
         if before is not None:
             support = before.support_m + (shift[2] if shift is not None else 0.0)
         if shift is not None:
@@ -73,7 +74,7 @@ def fitted(views: Sequence[View], support_m: float) -> Shape | None:
         elif len(near) >= _AGREEMENT.alone_px and not wrist[0][0].cut(wrist[0][1]):
             parts = [near]  # it was bumped since the head saw it
     eye = head[-1][0].eye if head else wrist[0][0].eye
-    return fit(np.concatenate(parts), _around(head or wrist), eye, support)
+    return fit(np.concatenate(parts), around, eye, support)
 
 
 def _around(views: Sequence[View]) -> Array:
@@ -86,7 +87,7 @@ def _shift(points: Array, onto: Array) -> Array | None:
     sample = points[:: max(1, len(points) // 300)]
     for _ in range(8):
         gap, nearest = tree.query(sample + total)
-        close = gap <= np.percentile(gap, 60)  # the wrist does not see all that the head sees
+        close = gap <= percentile(gap, 60)  # the wrist does not see all that the head sees
         step = np.median(onto[nearest[close]] - (sample + total)[close], axis=0)
         total += step
         if norm(step) < 2e-4:

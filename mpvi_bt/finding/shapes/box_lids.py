@@ -16,6 +16,7 @@ from mpvi_bt.finding.shapes.open_leaves import FEWEST, front_of, hinged
 from mpvi_bt.finding.shapes.outlines import main_cluster, outline, thinned, trimmed
 from mpvi_bt.finding.shapes.shape import SeenBar
 from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.collision import Surroundings
 
@@ -93,7 +94,7 @@ def _standing(points: Array, eye: Array, yaw: float) -> Iterator[tuple[Door, flo
         body, above = rising[of_body], main_cluster(rising[~of_body])
         if min(len(body), len(above)) < FEWEST:
             continue
-        box = np.percentile(body, [2, 98], axis=0)
+        box = percentile(body, [2, 98])
         if rim - box[0, 0] < _LID.lowest_m or (way := hinged(above, rim, box, 1)) is None:
             continue
         sheet, share = way
@@ -106,7 +107,7 @@ def _standing(points: Array, eye: Array, yaw: float) -> Iterator[tuple[Door, flo
         flat = matmul(matmul(points, R) - hinge, opened)  # as if it were closed
         near = flat[(np.abs(flat[:, 2]) < _LID.bar_below_m) & (flat[:, 0] > _LID.before_m)]
         edge, bar = _edge(near, near)
-        size = np.array([edge, float(np.ptp(np.percentile(near[:, 1], [1, 99])))])
+        size = np.array([edge, float(np.ptp(percentile(near[:, 1], [1, 99])))])
         deep, wide = np.ptp(box, axis=0)[1:]
         back = box[0, 1] if inward > 0 else -box[1, 1]
         as_deep = _LID.as_deep[0] * deep < edge < _LID.as_deep[1] * deep
@@ -122,7 +123,7 @@ def _lying(points: Array) -> Iterator[tuple[Door, float]]:
     counts, edges = np.histogram(points[:, 2], np.arange(points[:, 2].min(), points[:, 2].max() + 0.01, 0.005))
     k = int(counts.argmax())
     top = float(np.median(points[np.abs(points[:, 2] - edges[k] - 0.0025) < 0.005, 2]))
-    bottom = float(np.percentile(points[:, 2], 1))
+    bottom = float(percentile(points[:, 2], 1))
     if top - bottom < _LID.least_m or (points[:, 2] > top + _LID.bar_below_m).mean() > _LID.above:
         return
     yaw = outline(trimmed(points[np.abs(points[:, 2] - top) < _LID.level_m, :2])).heading
@@ -135,7 +136,7 @@ def _lying(points: Array) -> Iterator[tuple[Door, float]]:
         if bar is None:
             continue
         face = face[face[:, 0] < edge]
-        low, high = np.percentile(face, [1, 99], axis=0)
+        low, high = percentile(face, [1, 99])
         size = np.array([edge - low[0], high[1] - low[1]])
         if size.min() < _LID.least_m:
             continue
@@ -154,20 +155,20 @@ def _edge(face: Array, near: Array) -> tuple[float, Array | None]:
     """
     if len(face) < FEWEST:
         return 0.0, None
-    start = float(np.percentile(face[:, 0], 1))
+    start = float(percentile(face[:, 0], 1))
     k, cell = ((near[:, 0] - start) / _LID.slice_m).astype(int), np.floor(near[:, 1] / _LID.slice_m).astype(int)
     filled = np.array([len(np.unique(cell[k == i])) for i in range(max(int(k.max()) + 1, 1))])
-    full = np.flatnonzero(filled > _LID.full * np.percentile(filled[filled > 0], 75))
+    full = np.flatnonzero(filled > _LID.full * percentile(filled[filled > 0], 75))
     gaps = np.flatnonzero(np.diff(full) > 1)
     last = int(full[gaps[-1]] if len(gaps) else full[-1])
     edge = start + (last + 1) * _LID.slice_m
     beyond = near[near[:, 0] > edge + _LID.slice_m]
     if len(beyond) < _LID.bar_points or len(gaps) > 1:  # with more gaps the face is too sparse to tell
         return edge, None
-    reach = float(np.percentile(beyond[:, 0], 95))
+    reach = float(percentile(beyond[:, 0], 95))
     outer = beyond[beyond[:, 0] > reach - 2 * _LID.bar_radius_m]
-    low, high = np.percentile(outer, [3, 97], axis=0)
-    sides, long = np.percentile(face[:, 1], [1, 99]), float(high[1] - low[1])
+    low, high = percentile(outer, [3, 97])
+    sides, long = percentile(face[:, 1], [1, 99]), float(high[1] - low[1])
     if not (_LID.off_m[0] < reach - edge < _LID.off_m[1] and _LID.long[0] < long / float(np.ptp(sides)) < _LID.long[1]):
         return edge, None
     if abs(float(low[1] + high[1] - sides.sum())) / 2 > _LID.off_middle * float(np.ptp(sides)):

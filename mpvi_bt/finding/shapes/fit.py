@@ -28,6 +28,7 @@ from mpvi_bt.finding.shapes.shape import SeenBar, Shape, frame, upright_box
 from mpvi_bt.finding.shapes.stand_out import stand_out
 from mpvi_bt.finding.shapes.waist import waisted
 from mpvi_bt.ground.geometry.linear_algebra import least_squares, matmul, norm
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
 
@@ -74,8 +75,8 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     points = thinned(main_cluster(points))
     if len(points) < _FIT.least_points:
         return None
-    low, top = np.percentile(points, 1, axis=0), float(np.percentile(points[:, 2], 99))
-    large = np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FIT.furniture_m
+    low, top = percentile(points, 1), float(percentile(points[:, 2], 99))
+    large = np.ptp(percentile(points, [2, 98])[:, :2], axis=0).max() > _FIT.furniture_m
     if (large and top > _FIT.tray_m) or top - low[2] > _FIT.upright_m:
         return furniture(points)
     if support is None:
@@ -90,7 +91,7 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
 
 def _small(points: Array, around: Array, eye: Array, support: float, large: bool) -> Shape | None:
     """As `fit`, without a lid, on a support at this height [m]. A `large` thing is furniture if it is not hollow."""
-    top = float(np.percentile(points[:, 2], 99))
+    top = float(percentile(points[:, 2], 99))
     support = min(support, top - 0.004)
     height = top - support
     upper = points[points[:, 2] > min(support + max(0.004, 0.3 * height), top - 0.003)]
@@ -122,7 +123,7 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
 
 def _around(points: Array) -> Solid:
     """The upright box around points (n, 3)."""
-    low, high = np.percentile(points[:, 2], [2, 98])
+    low, high = percentile(points[:, 2], [2, 98])
     (box,) = upright_box(outline(points[:, :2]), float(low), float(high)).solids
     return box
 
@@ -197,7 +198,7 @@ def _column(points: Array, seen: Outline, support: float, top: float, grain: flo
         m, r, noise = circle(side)
         bend = np.arctan2(*(side - m).T[::-1])
         turn = np.angle(np.exp(1j * (bend - np.angle(np.exp(1j * bend).mean()))))
-        arc = float(np.ptp(np.percentile(turn, [3, 97])))
+        arc = float(np.ptp(percentile(turn, [3, 97])))
         doubt = 4 * noise / (1 - float(np.cos(arc / 2)) + 1e-6) / float(np.sqrt(len(side)))  # of the radius
         bent = (
             noise < max(0.002, 0.04 * r) + grain and doubt < 0.004 and 0.008 < r < min(0.25, 0.8 * float(long) + 0.004)
@@ -251,7 +252,7 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     bottom = points[(off < 0.6) & (points[:, 2] < rim + 0.006), 2]
     floor = support + _FIT.wall_m
     if len(bottom) > 12:
-        floor = float(np.clip(np.percentile(bottom, 10), floor, rim - 0.01))
+        floor = float(np.clip(percentile(bottom, 10), floor, rim - 0.01))
         floor = floor if floor < support + 0.35 * (rim - support) else support + _FIT.wall_m
     bars = () if bar is None else (bar,)
     if round_:
@@ -267,7 +268,7 @@ def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[floa
     rim = top
     for high, level in zip(edges, levels, strict=True):
         if len(level) > enough:
-            across = np.percentile(seen.local(level), [3, 97], axis=0)
+            across = percentile(seen.local(level), [3, 97])
             if (np.ptp(across, axis=0) > 0.6 * seen.sides).all():
                 rim = min(float(high), top)
                 near = points[(points[:, 2] <= rim) & (points[:, 2] > rim - 2 * _FIT.slice_m), 2]

@@ -20,6 +20,7 @@ from mpvi_bt.finding.shapes.moving_parts import PART, Door
 from mpvi_bt.finding.shapes.shape import SeenBar
 from mpvi_bt.ground.compiled import compiled_later
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
 
@@ -167,7 +168,7 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
             return
         free &= np.abs(matmul(sample[:, :2], normal) - distance) > slack
         left &= ~own
-        if np.ptp(np.percentile(points[own, 2], [15, 85])) < _FRONT.tall_m:
+        if np.ptp(percentile(points[own, 2], [15, 85])) < _FRONT.tall_m:
             continue  # a slice of a top
         sign = 1.0 if matmul(normal, eye[:2]) > distance else -1.0
         n3 = np.append(sign * normal, 0.0)
@@ -189,7 +190,7 @@ def _fronts_on(points: Array, plane: _Plane, eye: Array) -> list[_Front]:
     """Faces of a plane that have a bar."""
     off = matmul(points, plane.n) - plane.d
     u, z = matmul(points, plane.u), points[:, 2]
-    low, high = np.percentile(u[plane.own], [0.5, 99.5]), np.percentile(z[plane.own], [0.5, 99.5])
+    low, high = percentile(u[plane.own], [0.5, 99.5]), percentile(z[plane.own], [0.5, 99.5])
     near = (u > low[0] - 0.02) & (u < low[1] + 0.02) & (z > high[0] - 0.02) & (z < high[1] + 0.02)
     standing = near & (off > _FRONT.off_m[0]) & (off < _FRONT.off_m[1])
     beyond = near & (off >= _FRONT.off_m[1]) & (off < _FRONT.off_m[1] + _FRONT.clear_m)
@@ -217,7 +218,7 @@ def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenB
         own = part == k
         if own.sum() < 8:
             continue
-        span = np.percentile(uz[own], [2, 98], axis=0)
+        span = percentile(uz[own], [2, 98])
         size = span[1] - span[0]
         longer = int(size.argmax())
         before = ((beyond > span[0] - _FRONT.cell_m) & (beyond < span[1] + _FRONT.cell_m)).all(1)
@@ -232,11 +233,11 @@ def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenB
         inner = np.abs(uz[own, longer] - span[:, longer].mean()) < 0.4 * size[longer]  # without the posts
         if inner.sum() < 4:
             continue
-        outermost = float(np.percentile(off[own][inner], 85)) - _FRONT.bar_radius_m
+        outermost = float(percentile(off[own][inner], 85)) - _FRONT.bar_radius_m
         across = uz[own][inner][off[own][inner] > outermost - _FRONT.bar_radius_m, 1 - longer]
         at = np.empty(2)
         at[longer] = span[:, longer].mean()
-        at[1 - longer] = np.percentile(across, [5, 95]).mean() if len(across) else span[:, 1 - longer].mean()
+        at[1 - longer] = percentile(across, [5, 95]).mean() if len(across) else span[:, 1 - longer].mean()
         center = plane.u * at[0] + _Z * at[1] + plane.n * (plane.d + outermost)
         out.append(SeenBar(center, (plane.u, _Z)[longer].copy(), plane.n.copy(), float(size[longer])))
     return out
@@ -337,7 +338,7 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
         base = float(np.arctan2(matmul(np.cross(free, other.u), axis), matmul(free, other.u)))
         if other is not plane:
             askew = abs((base + np.pi / 4) % (np.pi / 2) - np.pi / 4)
-            tall = float(np.ptp(np.percentile(points[other.own, 2], [15, 85])))  # slices of a top are not
+            tall = float(np.ptp(percentile(points[other.own, 2], [15, 85])))  # slices of a top are not
             aligned += float(other.own.sum()) * tall**2 * (1 if askew < _FRONT.ajar_rad else -1)
         for turn in base + np.arange(4) * np.pi / 2 if other is not plane else ():
             back = float(-np.arctan2(np.sin(turn), np.cos(turn)))

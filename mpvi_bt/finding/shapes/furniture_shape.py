@@ -11,6 +11,7 @@ from scipy import ndimage
 from mpvi_bt.finding.shapes.outlines import Outline, outline, trimmed
 from mpvi_bt.finding.shapes.shape import Shape, upright_box
 from mpvi_bt.ground.geometry.linear_algebra import matmul
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array, Solid, pose
 
 
@@ -64,7 +65,7 @@ def furniture(points: Array, support: float = -np.inf) -> Shape:
             faces.append(face)
     if not slabs:
         around = outline(trimmed(points[:, :2]))
-        low, high = np.percentile(z, [1, 99])
+        low, high = percentile(z, [1, 99])
         box = upright_box(around, float(low), float(high))
         return replace(box, kind="furniture", extent=_extent(points))
     order = sorted(range(len(slabs)), key=lambda k: -slabs[k][0])
@@ -145,7 +146,7 @@ def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None
     filled = len(at) * _BOARD.hole_cell_m**2 / float(np.prod(high - low))
     if filled < 0.7 or (high - low).min() < 0.1:
         return None
-    return np.stack([low, high]), float(np.percentile(below[under][own == part, 2], 3))
+    return np.stack([low, high]), float(percentile(below[under][own == part, 2], 3))
 
 
 def _cut_out(board: Solid, hole: Array, bottom: float) -> tuple[list[Solid], Solid]:
@@ -171,7 +172,7 @@ def _along(xy: Array, heading: float) -> Outline:
 
 
 def _extent(points: Array) -> Solid:
-    low, high = np.percentile(points, [1, 99], axis=0)
+    low, high = percentile(points, [1, 99])
     return Solid("box", np.maximum((high - low) / 2, 0.01), pose((low + high) / 2))
 
 
@@ -190,7 +191,7 @@ def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid 
             walls += int((counts > 2).mean() > _BOARD.walled)
     if len(around) < 20 or walls < 2:
         return None
-    low, up, high = -board.half_m[:2], board.half_m[:2], float(np.percentile(around, 98))
+    low, up, high = -board.half_m[:2], board.half_m[:2], float(percentile(around, 98))
     for roof in sorted(boards, key=lambda b: float(b.T[2, 3])):
         if roof.aabb()[0, 2] < face + _BOARD.headroom_m:
             continue

@@ -7,6 +7,7 @@ is neither is a drawer. So a door is seen from within, where it hides its own ba
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,7 @@ from mpvi_bt.finding.shapes.outlines import main_cluster
 from mpvi_bt.ground.compiled import compiled_later
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.collision import Surroundings
 
@@ -194,7 +196,7 @@ def _explained(
     across = np.cross(_Z, out)
     suz = np.stack([matmul(points, out), matmul(points, across), points[:, 2]], 1)
     front = front_of(suz)
-    if front is None or matmul(eye, out) < front + _LEAF.beside_m or front - np.percentile(suz[:, 0], 1) < _LEAF.deep_m:
+    if front is None or matmul(eye, out) < front + _LEAF.beside_m or front - percentile(suz[:, 0], 1) < _LEAF.deep_m:
         return 0.0, None
     of_body = suz[:, 0] <= front + _LEAF.before_m
     body, ahead = suz[of_body], suz[~of_body]
@@ -202,9 +204,9 @@ def _explained(
     if explained + len(ahead) <= most:
         return 0.0, None
     ahead = main_cluster(ahead) if len(ahead) >= _LEAF.least_points else ahead[:0]
-    if len(ahead) < _LEAF.least_points or np.percentile(ahead[:, 0], 98) - front < _LEAF.reach_m:
+    if len(ahead) < _LEAF.least_points or percentile(ahead[:, 0], 98) - front < _LEAF.reach_m:
         return _LEAF.dull * explained, None
-    box = np.percentile(body, [1, 99], axis=0)
+    box = percentile(body, [1, 99])
     ways = [
         _drawer(ahead, front, box),
         *(hinged(ahead, front, box, k) for k in (1, 2) if _thickness(ahead, k) < _LEAF.thin_m),
@@ -268,15 +270,9 @@ def front_of(suz: Array) -> float | None:
 
 
 def _span(values: Array) -> float:
-    """From the 3rd to the 97th percentile of at least two values, as np.percentile has it, at a sixth of the cost."""
-    at = [share * (len(values) - 1) for share in (0.03, 0.97)]
-    part = np.partition(values, [k for x in at for k in (int(x), int(x) + 1)])
-    low, high = (_between(float(part[int(x)]), float(part[int(x) + 1]), x - int(x)) for x in at)
-    return high - low
-
-
-def _between(a: float, b: float, share: float) -> float:
-    return a + (b - a) * share if share < 0.5 else b - (b - a) * (1 - share)
+    """From the 3rd to the 97th percentile."""
+    low, high = percentile(values, [3, 97])
+    return float(high - low)
 
 
 def _fullest(values: Array) -> tuple[float, int]:
@@ -288,7 +284,7 @@ def _fullest(values: Array) -> tuple[float, int]:
 def _thickness(ahead: Array, axis: int) -> float:
     """How thick slices are along an axis, the median."""
     k = np.floor(ahead[:, 0] / _LEAF.slice_m).astype(int)
-    spans = [np.ptp(np.percentile(own[:, axis], [5, 95])) for i in np.unique(k) if len(own := ahead[k == i]) >= 8]
+    spans = [np.ptp(percentile(own[:, axis], [5, 95])) for i in np.unique(k) if len(own := ahead[k == i]) >= 8]
     return float(np.median(spans)) if spans else 0.0
 
 
@@ -296,16 +292,7 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
     """A sheet on a hinge at the front; `k` is its thin axis. In (s, u, z)."""
     rng = np.random.default_rng(0)
     flat = ahead[:, [0, k]]
-    best, normal, at = 0, np.zeros(2), 0.0
-    for a, b in rng.integers(len(flat), size=(150, 2)):
-        along = flat[b] - flat[a]
-        length = float(norm(along))
-        if length < 0.05:
-            continue
-        n = np.array([-along[1], along[0]]) / length
-        near = int((np.abs(matmul(flat - flat[a], n)) < _LEAF.sheet_m / 2).sum())
-        if near > best:
-            best, normal, at = near, n, float(matmul(flat[a], n))
+    normal, at = _sheet(flat, rng.integers(len(flat), size=(150, 2)), _LEAF.sheet_m / 2)
     own = np.abs(matmul(flat, normal) - at) < _LEAF.sheet_m
     share = float(own.mean())
     if share < _LEAF.on_sheet or abs(normal[1]) < 0.05:
@@ -315,14 +302,14 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
     if t[0] < 0.1:
         return None
     hinge = middle + t * (front - middle[0]) / t[0]
-    width = float(np.percentile(matmul(flat[own] - hinge, t), 99))
+    width = float(percentile(matmul(flat[own] - hinge, t), 99))
     low, high = body[:, k]
     inward = 1.0 if hinge[1] + width - high < low - (hinge[1] - width) else -1.0
     angle = float(np.arctan2(t[0], inward * t[1]))
     if not _LEAF.least_rad < angle < (_LEAF.most_rad if k == 1 else _LEAF.most_flap_rad):
         return None
     other = 3 - k
-    span = np.percentile(ahead[own][:, other], [1, 99])
+    span = percentile(ahead[own][:, other], [1, 99])
     origin = np.zeros(3)
     origin[[0, k]], origin[other] = hinge, span.mean()
     closed = np.zeros(3)
@@ -339,6 +326,23 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
     return Door("leaf", "hinge", origin, axis, angle, limit, None, (Solid("box", half, T),)), share
 
 
+@compiled_later
+def _sheet(points, pairs, off_m):  # type: ignore
+    """Normal (2,) and distance of the line through a pair of points (n, 2) that most of them are near to."""
+    best, normal, at = 0, np.zeros(2), 0.0
+    for a, b in pairs:
+        x, y = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+        length = math.sqrt(x * x + y * y)
+        if length < 0.05:
+            continue
+        u, v, near = -y / length, x / length, 0
+        for k in range(points.shape[0]):
+            near += abs((points[k, 0] - points[a, 0]) * u + (points[k, 1] - points[a, 1]) * v) < off_m
+        if near > best:
+            best, normal[0], normal[1], at = near, u, v, points[a, 0] * u + points[a, 1] * v
+    return normal, at
+
+
 def _drawer(ahead: Array, front: float, body: Array) -> tuple[Door, float] | None:
     """What is drawn out of a front, in (s, u, z), and the share of points on its faces."""
     k = np.floor(ahead[:, 0] / _LEAF.slice_m).astype(int)
@@ -350,7 +354,7 @@ def _drawer(ahead: Array, front: float, body: Array) -> tuple[Door, float] | Non
     last = max((i for i, area in areas.items() if area > 0.6 * most), default=int(k.max()))
     own = ahead[(k >= last) & (k <= last + 1)]
     face = float(np.median(own[:, 0]))
-    low, high = np.percentile(own[:, 1:], [2, 98], axis=0)
+    low, high = percentile(own[:, 1:], [2, 98])
     T = np.eye(4)
     T[:3, 3] = [face - PART.panel_m / 2, *((low + high) / 2)]
     half = np.array([PART.panel_m, *(high - low)]) / 2

@@ -8,7 +8,9 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
+from mpvi_bt.ground.compiled import compiled_later
 from mpvi_bt.ground.geometry.linear_algebra import least_squares, matmul, norm
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array
 
 
@@ -42,7 +44,7 @@ def main_cluster(points: Array) -> Array:
     """
     if len(points) < 4:
         return points
-    large = np.ptp(np.percentile(points, [10, 90], axis=0), axis=0).max() > _CLUSTER.large_m
+    large = np.ptp(percentile(points, [10, 90]), axis=0).max() > _CLUSTER.large_m
     cell = _CLUSTER.large_cell_m if large else _CLUSTER.cell_m
     cells = ((points - points.min(0)) / cell).astype(int)
     if cells.max() > 300:  # a speck far away would make the grid huge
@@ -88,18 +90,29 @@ def support_height(points: Array, around: Array, eye: Array) -> float:
     A face that is seen level with the thing's lowest points is believed first; what lies lower may be another board.
     But the sides of what lies beside it, such as the other eggs in a basket and its walls, are no face.
     """
-    lowest = float(np.percentile(points[:, 2], 2))
+    lowest = float(percentile(points[:, 2], 2))
     if eye[2] < lowest + 0.03:
         return lowest  # the face that it stands on cannot be seen from below
     low, high = points[:, :2].min(0) - _CLUSTER.around_m, points[:, :2].max(0) + _CLUSTER.around_m
-    z = around[((around[:, :2] > low) & (around[:, :2] < high)).all(1), 2]
-    z = z[(z < lowest + 0.012) & (z > lowest - 0.10)]
+    z = _heights(around, np.append(low, lowest - 0.10), np.append(high, lowest + 0.012))
     level = z[z > lowest - 0.012]
     if len(level) > 25:
         height, most = _fullest(level)
         if most > _CLUSTER.face * len(level) or most > _CLUSTER.little * _fullest(z)[1]:
             return height
     return _fullest(z)[0] if len(z) >= 10 else lowest
+
+
+@compiled_later
+def _heights(points, low, high):  # type: ignore
+    """(k,) heights of the points (n, 3) in a box, in order."""
+    out, k = np.empty(points.shape[0]), 0
+    for i in range(points.shape[0]):
+        x, y, z = points[i]
+        if low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2]:
+            out[k] = z
+            k += 1
+    return out[:k].copy()
 
 
 def _fullest(z: Array) -> tuple[float, int]:
@@ -164,7 +177,7 @@ def trimmed(xy: Array) -> Array:
         return xy
     for angle in np.arange(4) * np.pi / 4:
         along = matmul(xy, [np.cos(angle), np.sin(angle)])
-        low, high = np.percentile(along, [0.5, 99.5])
+        low, high = percentile(along, [0.5, 99.5])
         keep &= (along >= low - 1e-3) & (along <= high + 1e-3)
     return xy[keep]
 

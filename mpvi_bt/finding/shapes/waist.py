@@ -8,6 +8,7 @@ import numpy as np
 
 from mpvi_bt.finding.shapes.outlines import Outline, outline
 from mpvi_bt.finding.shapes.shape import Shape, upright_box
+from mpvi_bt.ground.geometry.percentiles import percentile
 from mpvi_bt.ground.geometry.solids import Array, Solid
 
 # Our choice throughout: what is told apart is what matters to a hand that takes 8.6 cm.
@@ -39,7 +40,7 @@ def waisted(xy: Array, seen: Outline, support: float, top: float) -> Shape:
     at = np.clip(((local[:, 0] / long + 0.5) * count).astype(int), 0, count - 1)
     most = min(_NARROW_M, _NARROW * float(short))
     slices = [local[at == k, 1] for k in range(count)]
-    slim = [len(y) >= _ENOUGH and float(np.ptp(np.percentile(y, [2, 98]))) < most for y in slices]
+    slim = [len(y) >= _ENOUGH and float(np.ptp(percentile(y, [2, 98]))) < most for y in slices]
     narrow = [all(slim[max(k - 1, 0) : k + 2]) for k in range(count)]  # beside what is wide a slice has a little of it
     runs = [(is_narrow, [k for k, _ in run]) for is_narrow, run in groupby(enumerate(narrow), lambda n: n[1])]
     if not any(is_narrow and len(run) * long / count >= _LONG_M for is_narrow, run in runs):
