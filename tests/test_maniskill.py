@@ -22,6 +22,7 @@ from mani_skill.utils.wrappers.flatten import FlattenRGBDObservationWrapper
 from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
 from mani_skill.utils.wrappers.record import RecordEpisode
 
+from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import BackendError, UnknownName, UserError
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.robot.model import SIGN
@@ -105,6 +106,18 @@ def test_things_begin_where_the_core_has_them(env: gymnasium.Env[Any, Any], inst
     for name in there.objects:
         assert np.abs(here.pose(name) - there.pose(name)).max() < 1e-6, name
     assert np.abs(here.robot.proprioception().base_pose - there.robot.proprioception().base_pose).max() < 1e-6
+
+
+def test_another_house_is_built(tmp_path: Path) -> None:
+    """A copy of the task's own, without its pictures: things begin as there; a house that is not there is refused."""
+    lines = paths.find("tasks/houses", "family_house").read_text("utf-8").splitlines()
+    (tmp_path / "bare.yaml").write_text("\n".join(line for line in lines if "entry: picture" not in line))
+    made = make(house=str(tmp_path / "bare.yaml"))
+    pictures = [name for name in made.unwrapped.worlds[0].house.fixtures if name.endswith("_picture")]
+    assert pictures == []
+    made.close()
+    with pytest.raises(UnknownName, match="family_house"):
+        make(house="famly_house")
 
 
 def test_an_option_of_reset_that_is_not_there_is_refused(env: gymnasium.Env[Any, Any]) -> None:

@@ -17,16 +17,18 @@ TILE_PX = (600, 600)
 
 
 @click.command()
+@click.option("--kind", default="family", show_default=True, help="Kind of the houses.")
 @click.option("--first", default=0, show_default=True, help="Seed of the first house.")
 @click.option("--count", default=200, show_default=True, help="How many houses.")
 @click.option("--sheet", type=click.Path(path_type=Path, dir_okay=False), help="Draw houses into this picture.")
 @click.option("--drawn", default=50, show_default=True, help="How many houses the picture has.")
 @click.option("--json", "file", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures here as well.")
-def main(first: int, count: int, sheet: Path | None, drawn: int, file: Path | None) -> None:
+def main(kind: str, first: int, count: int, sheet: Path | None, drawn: int, file: Path | None) -> None:
     """Draw houses by their seeds and check each; with --sheet, draw pictures of them."""
     wrong: dict[str, list[str]] = {}
     seconds = []
-    for name in (f"generated:{first + k}" for k in range(count)):
+    names = [f"generated:{kind}:{first + k}" for k in range(max(count, drawn))]
+    for name in names[:count]:
         began = time.perf_counter()
         try:
             house = load_house(name)
@@ -50,7 +52,7 @@ def main(first: int, count: int, sheet: Path | None, drawn: int, file: Path | No
     if sheet is not None:
         from benchmarks.houses.sheet import write_sheet
 
-        write_sheet([f"generated:{first + k}" for k in range(drawn)], sheet, 10, TILE_PX)
+        write_sheet(names[:drawn], sheet, TILE_PX)
 
 
 if __name__ == "__main__":

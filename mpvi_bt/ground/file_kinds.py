@@ -70,6 +70,13 @@ KINDS = (
         "mpvi_bt.house.layout.house:check_house",
     ),
     FileKind(
+        "a kind of house",
+        frozenset({"day", "night", "corridor_m", "garden"}),
+        "kinds",
+        "a folder tasks/kinds/ in MPVI_PATH",
+        "mpvi_bt.house.generated.house_kind:check_kind",
+    ),
+    FileKind(
         "a suite",
         frozenset({"tasks", "instances", "seeds"}),
         "suites",

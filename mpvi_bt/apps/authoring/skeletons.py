@@ -20,6 +20,7 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import UnknownName, UserError, shown, with_article
 from mpvi_bt.ground.writing import unwritable, write_whole
 from mpvi_bt.house.generated.generator import generated_house
+from mpvi_bt.house.generated.seeded_name import FAMILY
 from mpvi_bt.house.goals.problem import activities
 from mpvi_bt.house.goals.vocabulary import behavior
 from mpvi_bt.house.things.catalogue import FOLDER as CATALOGUES
@@ -241,21 +242,22 @@ def _synset(name: str, given: str | None, otherwise: str) -> tuple[str, str]:
     return chosen, said
 
 
-def new_house(name: str, seed: int | None = None, rooms: Sequence[str] = ()) -> Skeleton:
+def new_house(name: str, seed: int | None = None, rooms: Sequence[str] = (), like: str = FAMILY) -> Skeleton:
     """A house of two rooms; with a seed, one that is drawn.
 
     Args:
         name: Of the house.
         seed: Of all that is drawn.
-        rooms: Which rooms a drawn house has; all that there are if none are named.
+        rooms: Which rooms a drawn house has; all that the kind has if none are named.
+        like: Name or file of the kind of a drawn house.
 
     Raises:
-        UnknownName: There are no such rooms.
+        UnknownName: There are no such rooms, or there is no such kind.
         UserError: The name is taken, or no house has just these rooms.
     """
     checked_name("house", name, _files("tasks/houses"))
     place = f"tasks/houses/{name}.yaml"
-    text = _HOUSE if seed is None else generated_house(seed, rooms)
+    text = _HOUSE if seed is None else generated_house(seed, rooms, like)
     return Skeleton({place: text}, (f"mpvi check ROOT/{place}",), (f"a task is there by `house: {name}`",))
 
 

@@ -131,15 +131,23 @@ def robot(
 @new.command()
 @_named
 @click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Draw a furnished house by this seed.")
-@click.option("--rooms", metavar="ROOM,...", help="Its rooms, such as kitchen,living_room.  [default: all]")
-def house(name: str, root: Path | None, as_json: bool, seed: int | None, rooms: str | None) -> None:
+@click.option(
+    "--like",
+    type=File("tasks/kinds"),
+    metavar="KIND",
+    default="family",
+    show_default=True,
+    help="Kind of a drawn house: family, flat, office or one of your own, by name or file.",
+)
+@click.option("--rooms", metavar="ROOM,...", help="Its rooms, such as kitchen,living_room.  [default: all of its kind]")
+def house(name: str, root: Path | None, as_json: bool, seed: int | None, like: str, rooms: str | None) -> None:
     """A house: of two rooms, or furnished by a seed."""
     from mpvi_bt.apps.authoring.skeletons import new_house
 
-    if rooms is not None and seed is None:
-        raise click.UsageError("--rooms is of a drawn house; give --seed.")
+    if seed is None and (own := _given() & {"rooms", "like"}):
+        raise click.UsageError(f"--{min(own)} is of a drawn house; give --seed.")
     named = () if rooms is None else tuple(room.strip() for room in rooms.split(","))
-    _write(new_house(name, seed, named), root, as_json)
+    _write(new_house(name, seed, named, like), root, as_json)
 
 
 @new.command()

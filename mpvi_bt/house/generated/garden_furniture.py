@@ -86,11 +86,9 @@ def _trees(room: RoomFloor, frame: WallFrame, u: tuple[float, float], v: tuple[f
         for _ in range(_DRAWS):
             place = float(room.rng.uniform(u[0] + 0.7, u[1] - 0.7)), float(room.rng.uniform(v[0] + 0.6, v[1] - 0.6))
             x, y = (round(c, 2) for c in frame.point(*place))
-            area = (x - 0.15, y - 0.15, x + 0.15, y + 0.15)
-            shape = {
-                "height_m": round(float(room.rng.uniform(2.5, 3.1)), 2),
-                "crown_m": round(float(room.rng.uniform(1.2, 1.5)), 2),
-            }
+            height, crown = (round(float(room.rng.uniform(*bounds)), 2) for bounds in ((2.5, 3.1), (1.2, 1.5)))
+            area = grown((x, y, x, y), crown / 2)  # a robot's head does not pass below
+            shape = {"height_m": height, "crown_m": crown}
             entry = "fruit_tree" if number <= 2 else "tree"
             tree = Furnishing(f"tree_{number}", entry, (x, y), 0.0, area, (_SLAB_M, 3.0), _SLAB_M, shape)
             if all(max(abs(x - a), abs(y - b)) > _APART_M for a, b in trunks) and room.fits([tree]):

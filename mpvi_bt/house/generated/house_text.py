@@ -19,6 +19,9 @@ PHRASES = {
     "bathroom": ["bath"],
     "childs_room": ["child's room", "children's room", "childs room", "nursery"],
     "garden": ["yard", "patio"],
+    "meeting_room": ["conference room"],
+    "private_office": ["study"],
+    "shared_office": ["open-plan office"],
 }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from mpvi_bt.house.generated.placement import HINGE_M, Furnishing, NoRoom, RoomFloor, hinge_toward
+from mpvi_bt.house.generated.placement import GAP_M, HINGE_M, Furnishing, NoRoom, RoomFloor, hinge_toward
 from mpvi_bt.house.generated.plane import WallFrame
 from mpvi_bt.house.generated.seats import at_table
 from mpvi_bt.house.generated.tints import Tints
@@ -136,11 +136,12 @@ def _units(
 
 def _fridge(room: RoomFloor, frame: WallFrame, low: float, first: bool) -> Furnishing:
     """Hinged on the side away from the other units, so that its open door is not between them and it."""
-    width = room.size("refrigerator")[1]
-    hinge = hinge_toward(frame, high=not first)
-    return room.piece(
-        "electric_refrigerator_1", "refrigerator", frame, low + width / 2, front_m=TURN_M, shape={"hinge": hinge}
-    )
+    depth, width, _ = room.size("refrigerator")
+    shape = {"hinge": hinge_toward(frame, high=not first)}
+    piece = room.piece("electric_refrigerator_1", "refrigerator", frame, low + width / 2, shape=shape)
+    beside = (_FRIDGE_FREE_M, 0.0) if first else (0.0, _FRIDGE_FREE_M)  # where the open door is
+    front = frame.area(low - beside[0], low + width + beside[1], GAP_M + depth, GAP_M + depth + TURN_M)
+    return replace(piece, front=front)
 
 
 def _counter(room: RoomFloor, tints: Tints, numbers: _Numbers) -> None:

@@ -7,9 +7,10 @@ from mpvi_bt.house.generated.tints import Tints
 
 _SILL_M = 0.95
 _NO_WINDOWS = ("garage", "garden", "corridor")
-_MOST_WINDOWS = {"living_room": 3, "kitchen": 2, "dining_room": 2}
+_MOST_WINDOWS = {"living_room": 3, "kitchen": 2, "dining_room": 2, "shared_office": 3, "meeting_room": 2}
 _WITH_PICTURE = {"dining_room": "dining_picture", "living_room": "living_picture", "corridor": "corridor_picture",
-                 "bedroom": "bedroom_picture"}  # fmt: skip
+                 "bedroom": "bedroom_picture", "meeting_room": "meeting_picture",
+                 "private_office": "office_picture"}  # fmt: skip
 _NAMES = {"living_room": "living", "dining_room": "dining", "childs_room": "childs", "utility_room": "utility"}
 
 

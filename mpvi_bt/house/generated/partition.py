@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.house.generated.house_kind import GardenSize, HouseKind, RoomSize, Row
 from mpvi_bt.house.generated.plane import Rect
-from mpvi_bt.house.generated.program import CORRIDOR_M, DAY, GARDEN_M, NIGHT, SIZES, Row, drawn_area
 
 # All our choice.
 DAY_DEPTH_M = (4.7, 5.6)
@@ -23,10 +23,10 @@ _LAST_DOOR_M = 1.5  # of the corridor before the last room of a row, for its doo
 _STEP_M = 0.1  # to which lengths are rounded
 
 
-def partition(rooms: Row, rng: np.random.Generator) -> dict[str, Rect] | None:
-    """Rooms and their rectangles; None: this draw came to nothing."""
-    day, night = _rows(rooms, rng)
-    corridor_m = _rounded(rng.uniform(*CORRIDOR_M)) if "corridor" in rooms else 0.0
+def partition(rooms: Row, kind: HouseKind, rng: np.random.Generator) -> dict[str, Rect] | None:
+    """Rooms of a house of some kind, and their rectangles; None: this draw came to nothing."""
+    day, night = _rows(rooms, kind, rng)
+    corridor_m = _rounded(rng.uniform(*kind.corridor_m)) if "corridor" in rooms else 0.0
     day_m, night_m = _rounded(rng.uniform(*DAY_DEPTH_M)), _rounded(rng.uniform(*NIGHT_DEPTH_M))
     closes = corridor_m > 0 and day[-1] == "living_room" and rng.random() < _CLOSES_CORRIDOR
     floor: dict[str, Rect] = {}
@@ -34,14 +34,14 @@ def partition(rooms: Row, rng: np.random.Generator) -> dict[str, Rect] | None:
     ends: dict[str, float] = {}
     for name in day:
         depth = day_m + corridor_m if closes and name == "living_room" else day_m
-        width = _width(name, depth, rng)
+        width = _width(kind.rooms[name], depth, rng)
         floor[name] = (x, 0.0, _rounded(x + width), depth)
         ends[name] = x
         x = _rounded(x + width)
     day_end = ends["living_room"] if closes else x
     x = 0.0
     for name in night:
-        width = _width(name, night_m, rng)
+        width = _width(kind.rooms[name], night_m, rng)
         floor[name] = (x, day_m + corridor_m, _rounded(x + width), day_m + corridor_m + night_m)
         ends[name] = x
         x = _rounded(x + width)
@@ -51,20 +51,18 @@ def partition(rooms: Row, rng: np.random.Generator) -> dict[str, Rect] | None:
         if closes and last > day_end + 1e-9:
             return None
         floor["corridor"] = (0.0, day_m, length, _rounded(day_m + corridor_m))
-    if "garden" in rooms:
-        floor["garden"] = _garden(floor, rng)
+    if "garden" in rooms and kind.garden is not None:
+        floor["garden"] = _garden(floor, kind.garden, rng)
     return _turned({name: floor[name] for name in rooms}, rng)
 
 
-def _rows(rooms: Row, rng: np.random.Generator) -> tuple[list[str], list[str]]:
+def _rows(rooms: Row, kind: HouseKind, rng: np.random.Generator) -> tuple[list[str], list[str]]:
     """The order of the rooms by day, and of those by night and of work."""
-    by_day = [name for name in DAY if name in rooms]
-    if len(by_day) == 3:
-        orders = (("dining_room", "kitchen", "living_room"), ("kitchen", "dining_room", "living_room"))
-        by_day = list(orders[int(rng.integers(2))])
+    orders = list(dict.fromkeys(tuple(name for name in order if name in rooms) for order in kind.day))
+    by_day = list(orders[int(rng.integers(len(orders))) if len(orders) > 1 else 0])
     if rng.random() < _LIVING_FIRST:
         by_day.reverse()
-    sleeping = [name for name in NIGHT if name in rooms and name not in ("utility_room", "garage")]
+    sleeping = [name for name in kind.night if name in rooms and name not in ("utility_room", "garage")]
     rng.shuffle(sleeping)
     working = [name for name in ("garage", "utility_room") if name in rooms]
     if "utility_room" in working and by_day[0] == "kitchen" and rng.random() < _UTILITY_BY_DAY:
@@ -73,13 +71,13 @@ def _rows(rooms: Row, rng: np.random.Generator) -> tuple[list[str], list[str]]:
     return by_day, [*working, *sleeping]
 
 
-def _width(name: str, depth: float, rng: np.random.Generator) -> float:
-    return _rounded(max(drawn_area(name, rng) / depth, SIZES[name].least_m))
+def _width(size: RoomSize, depth: float, rng: np.random.Generator) -> float:
+    return _rounded(max(float(rng.uniform(*size.area_m2)) / depth, size.shorter_m))
 
 
-def _garden(floor: dict[str, Rect], rng: np.random.Generator) -> Rect:
+def _garden(floor: dict[str, Rect], size: GardenSize, rng: np.random.Generator) -> Rect:
     """At the end where the rows begin, or along the rooms by day."""
-    depth, length = (_rounded(rng.uniform(*bounds)) for bounds in GARDEN_M)
+    depth, length = (_rounded(rng.uniform(*bounds)) for bounds in (size.deep_m, size.long_m))
     if rng.random() < _GARDEN_AT_END:
         high = max(rect[3] for rect in floor.values())
         return -depth, 0.0, 0.0, max(high, length)

@@ -33,10 +33,10 @@ def at_table(room: RoomFloor, name: str, entry: str, chairs: str, tints: Tints) 
     raise NoRoom(name)
 
 
-def around_table(room: RoomFloor, name: str, chairs: str, tints: Tints) -> Furnishing:
-    """Put up a table in the middle of a room, with two chairs at each long side. Raises NoRoom."""
+def around_table(room: RoomFloor, name: str, chairs: str, tints: Tints, seats: int = 2) -> Furnishing:
+    """Put up a table in the middle of a room, with so many chairs at each long side. Raises NoRoom."""
     frame = room.frame("south" if room.rng.random() < 0.5 else "west")
-    width = round(float(room.rng.uniform(1.5, 1.7)), 2)
+    width = round(float(room.rng.uniform(1.5, 1.7)) * seats / 2, 2)
     shape = tints.shape("table", size_m=[0.9, width, round(float(room.rng.uniform(0.73, 0.76)), 2)])
     u = frame.length_m / 2 + float(room.rng.uniform(-0.15, 0.15))
     v = frame.depth_m / 2 + float(room.rng.uniform(-0.15, 0.15))
@@ -44,8 +44,9 @@ def around_table(room: RoomFloor, name: str, chairs: str, tints: Tints) -> Furni
     seat = tints.shape("chair")
     chair = room.size("chair", seat)[0]
     pieces = [table]
-    for number, (along, away) in enumerate(((-1, -1), (1, -1), (-1, 1), (1, 1)), 1):
-        at = (u + along * width / 4, v + away * (0.45 + chair / 2 - _UNDER_M))
+    places = ((along, away) for away in (-1, 1) for along in range(seats))
+    for number, (along, away) in enumerate(places, 1):
+        at = (u + ((along + 0.5) / seats - 0.5) * width, v + away * (0.45 + chair / 2 - _UNDER_M))
         turn = 0.0 if away < 0 else 180.0
         pieces.append(_turned(room, f"{chairs}_{number}", frame, at, turn, seat))
     if not room.fits(pieces):

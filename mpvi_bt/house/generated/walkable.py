@@ -12,6 +12,8 @@ from mpvi_bt.house.generated.plane import Rect
 CELL_M = 0.05
 HALF_WAY_M = 0.42  # half the width of a free way: a robot's radius of 0.31 m, and room to pass by
 STAND_M = 0.5  # so near to a fixture's front a robot stands
+BASE_M = 0.34  # half the width of a way that the base just fits through
+BESIDE_M = 0.7  # so near to what has no front, such as a tree, its middle comes
 GROUND_M = 0.95  # before a doorway
 
 
@@ -26,19 +28,30 @@ def out_of_reach(room: RoomFloor) -> list[str]:
             free[_window(room, piece.area)] = False
     for opening in room.openings:  # the way through the wall
         free[_window(room, room.before(opening, 0.1))] = True
-    wide = ndimage.distance_transform_edt(np.pad(free, 1, constant_values=True))[1:-1, 1:-1] * CELL_M > HALF_WAY_M
-    parts, _ = ndimage.label(wide)
+    clear_m = ndimage.distance_transform_edt(np.pad(free, 1, constant_values=True))[1:-1, 1:-1] * CELL_M
+    parts, _ = ndimage.label(clear_m > HALF_WAY_M)
     doors = [_parts(parts, room, room.before(opening, GROUND_M)) for opening in room.openings]
     here = set.intersection(*doors) if doors else set(np.unique(parts)) - {0}
     if not here:
         return [f"doorway {k}" for k in range(len(doors))]
+    near, _ = ndimage.label(clear_m > BASE_M)
+    cells = np.argwhere(np.isin(near, near[np.isin(parts, list(here))]))
+    stands = np.asarray((cells[:, ::-1] + 0.5) * CELL_M + (x0, y0), float)
     missed = []
     for piece in room.pieces:
         if piece.front is not None:
-            reach = _stand(piece.area, piece.front)
-            if not here & _parts(parts, room, reach):
-                missed.append(piece.name)
+            reached = bool(here & _parts(parts, room, _stand(piece.area, piece.front)))
+        else:
+            reached = not piece.on_floor or bool((_apart_m(stands, piece.area) < BESIDE_M).any())
+        if not reached:
+            missed.append(piece.name)
     return missed
+
+
+def _apart_m(points: NDArray[np.float64], area: Rect) -> NDArray[np.float64]:
+    """(n,) how far points (n, 2) are from a rectangle [m]."""
+    beyond = np.maximum(np.maximum(area[:2] - points, points - area[2:]), 0.0)
+    return np.asarray(np.hypot(beyond[:, 0], beyond[:, 1]))
 
 
 def _stand(area: Rect, front: Rect) -> Rect:

@@ -19,7 +19,7 @@ from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import MpviError
 from mpvi_bt.ground.marked_yaml import Record
 from mpvi_bt.ground.writing import write_whole
-from mpvi_bt.house.generated.seeded_name import seed_of
+from mpvi_bt.house.generated.seeded_name import seeded
 from mpvi_bt.house.goals.problem import BddlProblem
 from mpvi_bt.house.instances import sampling
 from mpvi_bt.house.instances.sampling import Start, marks_of, scene_names
@@ -74,7 +74,7 @@ class StartCache:
         digest = hashlib.sha256("\0".join(parts).encode())
         for text in _geometry(house, catalogue, task):
             digest.update(text)
-        own = "" if seed_of(house.name) is None else f"_{house.name}"
+        own = "" if seeded(house.name) is None else f"_{house.name}"
         self._stem = f"{task.problem}_{split}_{instance}{own}"
         self._name = f"{self._stem}-{digest.hexdigest()[:24]}.json"
 

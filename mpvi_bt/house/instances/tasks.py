@@ -15,7 +15,7 @@ from mpvi_bt.ground.errors import FileProblems, Problem, UserError
 from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.marked_yaml import Record, SourceMarks, load_marked, validate_data
-from mpvi_bt.house.generated.seeded_name import seed_of
+from mpvi_bt.house.generated.seeded_name import SEEDED, seeded
 from mpvi_bt.house.goals.formula import Literal, literals, signed
 from mpvi_bt.house.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.house.goals.problem import BddlProblem, activities, load_problem
@@ -29,7 +29,7 @@ from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
 
-HouseName = Annotated[str, Field(pattern=r"^(generated:[0-9]{1,9}|[A-Za-z0-9][A-Za-z0-9_\-]*)$", max_length=100)]
+HouseName = Annotated[str, Field(pattern=rf"^({SEEDED}|[A-Za-z0-9][A-Za-z0-9_\-]*)$", max_length=100)]
 
 
 class Task(Record):
@@ -38,7 +38,7 @@ class Task(Record):
     Attributes:
         instruction: What the robot is told.
         problem: Activity of the `bddl` distribution whose goal scores it.
-        house: Where it is: a house of tasks/houses/, or "generated:7", which a seed draws.
+        house: Where it is: a house of tasks/houses/, or "generated:7" or "generated:flat:7", which a seed draws.
         bindings: Synset of every movable object to its catalogue entry.
         plan: Recorded plan (tasks/plans/); None: one is made by the goal, with the symbolic planner.
         tree: The plan's compiled tree (trees/), for people to read and change; None: it is compiled where it is wanted.
@@ -122,7 +122,7 @@ def _check_names(task: Task, marks: SourceMarks) -> list[Problem]:
         marks.unknown((key,), key, given, names)
         for key, names in known.items()
         if (given := getattr(task, key)) is not None and given not in names
-        if key != "house" or seed_of(given) is None
+        if key != "house" or seeded(given) is None
     ]
     if task.time_budget_s is None and task.problem in known["problem"] and task.problem not in human_stats():
         message = f"no human did {task.problem!r}, so time_budget_s must be given"
@@ -156,17 +156,19 @@ def _check_playable(task: Task, problem: BddlProblem, marks: SourceMarks) -> lis
     return [] if cause is None else [marks.problem(("problem",), "unplayable", cause)]
 
 
-def in_house(task: Task, house: str) -> Task:
+def in_house(task: Task, house: str | None) -> Task:
     """The same task in another house.
 
     Args:
         task: It.
-        house: As of `load_house`.
+        house: As of `load_house`; None: the task's own.
 
     Raises:
         UserError: There is no such house, or it lacks what the task needs.
         FileProblems: Everything that is wrong with the house's file.
     """
+    if house is None:
+        return task
     if cause := why_unplayable(task, load_problem(task.problem, known_words()), load_house(house)):
         raise UserError(f"{task.problem} cannot be played in {house}: {cause}")
     return task.model_copy(update={"house": house})
@@ -241,7 +243,7 @@ def _check_made(task: Task, problem: BddlProblem) -> None:
 
 def _house(name: str) -> House:
     """A house as it was last changed, which many tasks are in."""
-    if seed_of(name) is not None:
+    if seeded(name) is not None:
         return load_house(name)
     path = paths.find("tasks/houses", name)
     return _of_file(path, path.stat().st_mtime_ns, load_catalogue())

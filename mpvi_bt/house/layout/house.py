@@ -24,7 +24,7 @@ from mpvi_bt.ground.marked_yaml import (
     validate_data,
 )
 from mpvi_bt.house.generated.generator import generated_house
-from mpvi_bt.house.generated.seeded_name import PREFIX, seed_of
+from mpvi_bt.house.generated.seeded_name import SeededName, seeded
 from mpvi_bt.house.layout.overlap import penetration
 from mpvi_bt.house.layout.rooms import PANEL_M, Doorway, Rect, Room, Wall, shared_wall, walls
 from mpvi_bt.house.things.catalogue import Catalogue, CatalogueEntry, load_catalogue, shape_problems
@@ -128,20 +128,20 @@ class House:
 
 
 def load_house(house: str | Path = "family_house", catalogue: Catalogue | None = None) -> House:
-    """A house by name or path, or by its seed, such as "generated:7".
+    """A house by name or path, or by its seed, such as "generated:7" or "generated:flat:7".
 
     Raises:
-        UserError: There is no such house.
+        UserError: There is no such house, or no such kind.
         FileProblems: Everything that is wrong with the file.
     """
-    if (seed := seed_of(str(house))) is not None:
-        return _drawn(seed, catalogue or load_catalogue())
+    if (drawn := seeded(str(house))) is not None:
+        return _drawn(str(house), drawn, catalogue or load_catalogue())
     return check_house(*load_marked(paths.find_or_file("tasks/houses", str(house), "house")), catalogue)
 
 
 @lru_cache(maxsize=4)
-def _drawn(seed: int, catalogue: Catalogue) -> House:
-    return check_house(*parse_marked(generated_house(seed), f"{PREFIX}{seed}"), catalogue)
+def _drawn(name: str, drawn: SeededName, catalogue: Catalogue) -> House:
+    return check_house(*parse_marked(generated_house(drawn.seed, kind=drawn.kind), name), catalogue)
 
 
 def check_house(data: Any, marks: SourceMarks, catalogue: Catalogue | None = None) -> House:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from mpvi_bt.ground import paths
-from mpvi_bt.house.generated.seeded_name import seed_of
+from mpvi_bt.house.generated.house_kind import FOLDER as KINDS
+from mpvi_bt.house.generated.seeded_name import seeded
 
 FOLDER = "tasks/houses"
 
 
 def check_house_name(house: str) -> None:
-    """Raise UserError unless there is a house of that name, in that file, or by that seed."""
-    if seed_of(house) is None:
+    """Raise UserError unless there is a house of that name, in that file, or by that kind and seed."""
+    if (drawn := seeded(house)) is None:
         paths.find_or_file(FOLDER, house, "house")
+    else:
+        paths.find(KINDS, drawn.kind, "kind of house")

@@ -22,7 +22,7 @@ from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.house.instances.instances import begin, expanded_problem, settled
 from mpvi_bt.house.instances.sampling import Start
 from mpvi_bt.house.instances.splits import Split
-from mpvi_bt.house.instances.tasks import load_task
+from mpvi_bt.house.instances.tasks import in_house, load_task
 from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.sim.builder import Thing, build_house, build_object
 from mpvi_bt.house.sim.world import SimWorld
@@ -185,9 +185,14 @@ class Begun:
 
 
 @cache
-def begun(task: str, instance: int, split: Split, robot: str = "r1") -> Begun:
-    """How an instance begins, as of `instances.instances.begin`, with the robot of that name in the r1's place."""
-    known = load_task(task)
+def begun(task: str, instance: int, split: Split, robot: str = "r1", named: str | None = None) -> Begun:
+    """How an instance begins, as of `instances.instances.begin`, with the robot of that name in the r1's place.
+
+    Args:
+        task, instance, split, robot: As of the environment.
+        named: The house, if it is not the task's own.
+    """
+    known = in_house(load_task(task), named)
     house = load_house(known.house)
     problem = expanded_problem(known, house)
     world, start = begin(known, house, load_catalogue(), problem, instance, split, render=False)

@@ -34,7 +34,7 @@ from mpvi_bt.house.goals.predicates import truth_in
 from mpvi_bt.house.instances.instances import come_to_rest, expanded_problem
 from mpvi_bt.house.instances.sampling import Start
 from mpvi_bt.house.instances.splits import Split
-from mpvi_bt.house.instances.tasks import Task, load_task
+from mpvi_bt.house.instances.tasks import Task, in_house, load_task
 from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.maniskill import fetch_agent
 from mpvi_bt.house.maniskill.agent import R1
@@ -93,6 +93,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         task: str = "picking_up_trash",
         instance: int | Sequence[int] | None = None,
         split: Split = "public",
+        house: str | None = None,
         assisted: bool = False,
         robot_uids: str = "r1",
         num_envs: int = 1,
@@ -111,6 +112,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             instance: Which of the task's starts; several go to the environments in turn; None: the episode's seed draws
                 one for each.
             split: Of which instances.
+            house: Name or file of a house, or "generated:7", which a seed draws; None: the task's own.
             assisted: Whether a closing hand fixes what it pinches to itself.
             robot_uids: "r1", or "fetch": ManiSkill's own, with its controllers and cameras.
             render_backend: As of ManiSkill; None: none where nothing draws, else the GPU or, without one, the CPU.
@@ -119,7 +121,8 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
                 to rest: faster, and what physics has cached stays.)
 
         Raises:
-            UserError: There is no such task or robot, or this cannot be simulated here.
+            UserError: There is no such task, house or robot, the house lacks what the task needs, or this cannot be
+                simulated here.
         """
         if robot_uids not in self.SUPPORTED_ROBOTS:
             raise UnknownName("robot", str(robot_uids), self.SUPPORTED_ROBOTS)
@@ -127,8 +130,8 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         if on_gpu or num_envs != 1:
             _check_gpu(num_envs, sim_backend, assisted)
         self._twinned = on_gpu or self._twinned
-        self.task: Task = load_task(task)
-        self._task_name = task
+        self.task: Task = in_house(load_task(task), house)
+        self._task_name, self._house_name = task, house
         self._fixed_instance, self._split = instance, split
         self._assisted = assisted
         self._house: House = load_house(self.task.house)
@@ -188,11 +191,11 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
     def _start(self, k: int) -> Start:
         """Where an environment's episode begins, whatever its robot."""
-        return begun(self._task_name, self.instances[k], self._split).start
+        return begun(self._task_name, self.instances[k], self._split, named=self._house_name).start
 
     def _settled(self, k: int) -> Begun:
         """How an environment's episode begins once things have come to rest about its robot."""
-        return begun(self._task_name, self.instances[k], self._split, str(self.robot_uids))
+        return begun(self._task_name, self.instances[k], self._split, str(self.robot_uids), self._house_name)
 
     @property
     def _default_sim_config(self) -> SimConfig:
@@ -455,13 +458,20 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
 
 def begin_in_maniskill(
-    task: str, instance: int, split: Split = "public", *, render: bool = True, assisted: bool = False
+    task: str,
+    instance: int,
+    split: Split = "public",
+    *,
+    render: bool = True,
+    assisted: bool = False,
+    house: str | None = None,
 ) -> tuple[SimWorld, Start]:
     """An instance of a task in an environment of its own, which its world steps; as of `instances.instances.begin`."""
     env = MpviHouseEnv(
         task=task,
         instance=instance,
         split=split,
+        house=house,
         assisted=assisted,
         obs_mode="none",
         reward_mode="none",

@@ -17,7 +17,7 @@ from mpvi_bt.house.things.description import PartsOfBody
 _SIDE_M = 0.7  # Our choice: a robot sweeps a patch of this side in minutes, all of a garden in hours
 _HIGH_M = 0.002
 _ROOM_M = 1.2  # around its middle, for the base on every side
-_NEAR_M = 3.5
+_NEAR_M = (3.5, np.inf)  # from what it is to be near; farther only where there is no room so near
 _DRAWS = 400
 
 
@@ -30,7 +30,7 @@ def patch_of(
         floor: Its name.
         kind: Of the marks.
         solids: The floor's.
-        near: (2,) it is not far from there; where exactly, follows from that place [m].
+        near: (2,) it is not far from there, if there is room; where exactly, follows from that place [m].
         obstacles: Says what comes within a radius [m] of a place (2,).
 
     Raises:
@@ -38,9 +38,9 @@ def patch_of(
     """
     low, high = bounds(solids)
     rng = np.random.default_rng(zlib.crc32(f"{floor} {kind} {near.tolist()}".encode()))
-    for _ in range(_DRAWS):
+    for most_m in np.repeat(_NEAR_M, _DRAWS):
         xy = rng.uniform(low[:2] + _ROOM_M, high[:2] - _ROOM_M)
-        if norm(xy - near) < _NEAR_M and not obstacles(xy, _ROOM_M):
+        if norm(xy - near) < most_m and not obstacles(xy, _ROOM_M):
             parts = PartsOfBody()
             parts.box((0.0, 0.0, _HIGH_M / 2), (_SIDE_M, _SIDE_M, _HIGH_M), (0.0, 0.0, 0.0))
             entity = sapien.Entity()

@@ -63,7 +63,8 @@ class InstanceSettings:
     )
     house: str | None = setting(
         None,
-        "House to play in, by name, by file, or generated:SEED for one that a seed draws.  [default: the task's]",
+        "House to play in, by name, by file, or generated:SEED or generated:KIND:SEED for one that a seed draws.  "
+        "[default: the task's]",
         "HOUSE",
         reader="mpvi_bt.house.layout.house_names:check_house_name",
         begins=("generated:",),

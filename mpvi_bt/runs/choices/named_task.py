@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from mpvi_bt.ground.errors import UserError
-
 if TYPE_CHECKING:
     from mpvi_bt.house.instances.tasks import Task
     from mpvi_bt.runs.choices.config import EpisodeConfig
@@ -23,18 +21,12 @@ def task_of(config: EpisodeConfig) -> Task:
     """The task of an episode, in the house that it is played in.
 
     Raises:
-        UserError: There is no such task or house, the house lacks what the task needs, or the simulator has only
-            its own.
+        UserError: There is no such task or house, or the house lacks what the task needs.
         FileProblems: As of `load_task` and `load_house`.
     """
     from mpvi_bt.house.instances.tasks import in_house
 
-    task = task_named(config.task)
-    if config.house is None:
-        return task
-    if config.sim != "sapien":
-        raise UserError(f"--house is for --sim sapien; {config.sim} plays each task in its own house.")
-    return in_house(task, config.house)
+    return in_house(task_named(config.task), config.house)
 
 
 def rooms_of(house: str) -> Collection[str]:

@@ -34,6 +34,6 @@ def check_simulator_choice(config: EpisodeConfig) -> None:
 def begin_elsewhere(config: EpisodeConfig, render: bool) -> tuple[SimWorld, Start]:
     """The start of an episode in ManiSkill's scene: as of `instances.begin`, but that steps are the environment's."""
     begun: tuple[SimWorld, Start] = importlib.import_module(_MANISKILL).begin_in_maniskill(
-        config.task, config.instance, config.split, render=render, assisted=config.assisted
+        config.task, config.instance, config.split, render=render, assisted=config.assisted, house=config.house
     )
     return begun

@@ -17,7 +17,7 @@ from mpvi_bt.ground.errors import UserError, shown
 from mpvi_bt.ground.marked_yaml import Record, load_marked
 from mpvi_bt.ground.version import __version__
 from mpvi_bt.house.generated.generator import generated_house
-from mpvi_bt.house.generated.seeded_name import seed_of
+from mpvi_bt.house.generated.seeded_name import seeded
 from mpvi_bt.house.goals.problem import activities
 from mpvi_bt.house.instances.splits import hidden_seed
 from mpvi_bt.house.instances.tasks import Task, load_task
@@ -173,8 +173,8 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
     catalogue = load_catalogue()
     used = {entry for task in tasks.values() for entry in task.bindings.values()}
     for house in dict.fromkeys(c.house or tasks[c.task].house for c in kinds):
-        if (seed := seed_of(house)) is not None:
-            found[f"house {house}"] = _hash(generated_house(seed))
+        if (drawn := seeded(house)) is not None:
+            found[f"house {house}"] = _hash(generated_house(drawn.seed, kind=drawn.kind))
         used |= {fixture.entry.name for fixture in load_house(house, catalogue).fixtures.values()}
     if any(config.split == "hidden" for config in episodes):
         found["hidden seed"] = hashlib.scrypt(
@@ -194,7 +194,7 @@ def entry_content(entry: CatalogueEntry) -> dict[str, Any]:
 def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
     yield paths.find_or_file("tasks", config.task)
     yield activities()[task.problem]
-    if seed_of(house := config.house or task.house) is None:
+    if seeded(house := config.house or task.house) is None:
         yield paths.find_or_file("tasks/houses", house)
     if plan := config.plan or task.plan:
         yield paths.find_or_file("tasks/plans", plan)
