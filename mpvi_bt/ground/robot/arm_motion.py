@@ -17,6 +17,9 @@ from mpvi_bt.ground.robot.protocol import Side
 
 _STEP_RAD = 2.0  # how far a tree grows at once, if the way is free
 _LEAST_RAD = 0.1  # a shorter step is none
+# Our choice: of the postures that a tree grows toward, the parts that are the other tree's root and that lie about the
+# straight line from start to goal, and their spread about it. The rest are anywhere within the limits.
+_ROOT, _ABOUT_LINE, _SPREAD_RAD = 0.15, 0.7, 1.0
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
 _SWING_M = 0.03  # what hangs from a hand swings that far while torso and arms move
 _CORNERS_M = 0.015  # the spheres that cover what is held leave out its corners by nearly as much
@@ -65,8 +68,8 @@ def plan(
     trees, parents = [[begin], [goal]], [[-1], [-1]]
     for i in range(iterations):
         this, that = i % 2, 1 - i % 2
-        sample = rng.uniform(limits[:, 0], limits[:, 1]) if rng.random() > 0.15 else trees[that][0]
-        new = _grow(trees[this], parents[this], sample, reach)
+        toward = _sampled(begin, goal, limits, trees[that][0], rng)
+        new = _grow(trees[this], parents[this], toward, reach)
         if new is None:
             continue
         while (reached := _grow(trees[that], parents[that], new, reach)) is not None:
@@ -75,6 +78,17 @@ def plan(
                 first, second = halves if this == 0 else halves[::-1]
                 return _shortened(first[::-1] + second[1:], reach, rng)
     return None
+
+
+def _sampled(start: Array, goal: Array, limits: Array, root: Array, rng: np.random.Generator) -> Array:
+    """A posture (7,) for a tree to grow toward."""
+    kind = rng.random()
+    if kind < _ROOT:
+        return root
+    if kind < _ROOT + _ABOUT_LINE:
+        on_line = start + (goal - start) * rng.random()
+        return np.clip(on_line + rng.normal(0.0, _SPREAD_RAD, len(goal)), limits[:, 0], limits[:, 1])
+    return rng.uniform(limits[:, 0], limits[:, 1])
 
 
 def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = None) -> list[Array] | None:
