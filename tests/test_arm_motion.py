@@ -101,6 +101,19 @@ def test_planning_finds_a_way_around() -> None:
     assert body.free(side, finely(first), margin=-0.005).all()
 
 
+def test_an_arm_finds_into_a_narrow_compartment() -> None:
+    """A posture deep between boards, walls and a door that stands open is reached, whatever the randomness."""
+    side: Side = "left"
+    walls = [box((0.74, 0.15 + 0.35 * s, 0.9), (0.55, 0.02, 0.9)) for s in (-1, 1)]
+    boards = [box((0.74, 0.15, z), (0.55, 0.70, 0.02)) for z in (0.88, 1.20)]
+    door = box((0.115, -0.25, 0.9), (0.70, 0.03, 0.9))
+    body = robot(*walls, *boards, box((1.01, 0.15, 0.9), (0.02, 0.70, 0.9)), door)
+    goal = R1.nearest_posture(kin.inverse(R1.chest(TORSO)) @ level(0.70, 0.20, 1.03, side), side, r1.TRAVEL_ARM[side])
+    assert goal is not None
+    assert body.free(side, goal)[0]
+    assert all(plan(body, side, goal, np.random.default_rng(seed)) is not None for seed in range(12))
+
+
 def test_a_start_in_touch_can_be_left() -> None:
     """An arm that stands in slight contact still finds a way out."""
     side: Side = "left"
