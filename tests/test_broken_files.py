@@ -37,6 +37,7 @@ REQUIRED = {  # by folder
     "houses": {"outside", "rect", "floor", "walls"},
     "catalogues": {"synset", "family", "shape"},
     "suites": {"tasks", "instances"},
+    "kinds": {"day", "rooms", "corridor_m", "area_m2", "shorter_m"},
     "methods": {"about", "planner", "policy", "checker", "trigger"},
     "policies": {"camera", "part", "at"},
     "robots": {"urdf", "joints"},

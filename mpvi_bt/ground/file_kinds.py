@@ -153,7 +153,7 @@ def kind_of(data: Any, marks: SourceMarks) -> FileKind:
     folder = Path(marks.file).resolve().parent.name
     kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
     if not keys & kind.keys and kind.folder != folder:
-        known = "; ".join(f"{kind.noun} ({', '.join(sorted(kind.keys)[:3])})" for kind in KINDS if kind.check)
+        known = "; ".join(f"{kind.noun} ({', '.join(sorted(kind.keys)[:2])})" for kind in KINDS if kind.check)
         raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
     return kind
 

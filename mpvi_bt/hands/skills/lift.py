@@ -18,6 +18,7 @@ from mpvi_bt.hands.motion.both_hands import BENDING, IN_STEP, open_wide, raise_b
 from mpvi_bt.hands.motion.work import Words, Work
 from mpvi_bt.hands.skills.box_grip import Box, BoxGrip, find_grip
 from mpvi_bt.hands.stance.base_search import behind
+from mpvi_bt.hands.stance.postures import WAY_MARGINS_M
 from mpvi_bt.hands.stance.stance_search import Search
 
 
@@ -77,8 +78,8 @@ def _go_behind(work: Work, grip: BoxGrip, search: Search) -> Actions:
     around = search.around(grip.back, touched=True)
     for side in SIDES:
         body = replace(motion.body(), around=around)
-        path = arm_motion.plan(body, side, grip.arms[side][0], work.rng)
-        if path is None:
+        paths = (arm_motion.plan(body, side, grip.arms[side][0], work.rng, margin) for margin in (*WAY_MARGINS_M, 0.0))
+        if (path := next((path for path in paths if path is not None), None)) is None:
             raise MotionFailure("no_path")
         yield from motion.follow(side, path)
     yield from motion.stand(torso)
