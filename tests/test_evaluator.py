@@ -164,7 +164,7 @@ def test_a_server_that_is_not_there_is_told() -> None:
 
 BAD: dict[str, tuple[Callable[[dict[str, Any], int], Any], str]] = {
     "text": (lambda message, count: "Traceback\nValueError: no such stage", "ValueError: no such stage"),
-    "none": (lambda message, count: {"actions": START}, "no action in 3 answers"),
+    "none": (lambda message, count: {"actions": START}, "no action in 4 answers"),
     "shape": (lambda message, count: {"action": START[:22]}, r"actions of shape \(22,\)"),
     "nan": (lambda message, count: {"action": START * np.nan}, "not finite"),
 }

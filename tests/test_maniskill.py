@@ -113,7 +113,7 @@ def test_another_house_is_built(tmp_path: Path) -> None:
     lines = paths.find("tasks/houses", "family_house").read_text("utf-8").splitlines()
     (tmp_path / "bare.yaml").write_text("\n".join(line for line in lines if "entry: picture" not in line))
     made = make(house=str(tmp_path / "bare.yaml"))
-    pictures = [name for name in made.unwrapped.worlds[0].house.fixtures if name.endswith("_picture")]
+    pictures = [name for name in inner(made).world.house.fixtures if name.endswith("_picture")]
     assert pictures == []
     made.close()
     with pytest.raises(UnknownName, match="family_house"):

@@ -47,7 +47,6 @@ _ANSWER_S = {"behavior-2025": 3600.0, "behavior-2026": 600.0, "openpi": 600.0}  
 _TIMES_HUMAN = {"behavior-2025": 2.0, "behavior-2026": 1.5, "openpi": 2.0}
 _RECONNECTS = {"behavior-2025": 0, "behavior-2026": 3, "openpi": 0}
 _WALL_S_A_STEP = 1.0  # 2026: of a rollout
-_ASKED = 3  # times, where an answer has no action
 _JUDGED_EVERY = 15  # steps. Our choice: theirs judges every step, which takes longer than the physics here
 
 
@@ -284,14 +283,15 @@ class _Connection:
     def actions(self, writer: _Writer) -> Array:
         """(K, A) the answer to the present observation, in our units. Raises PolicyError."""
         more: list[str] = []
-        for _ in range(_ASKED):
+        asked = len(self._robot.cameras) + 1  # each answer without an action may ask for one more picture
+        for _ in range(asked):
             answer = self._ask(writer.write(more))
             if not isinstance(answer, dict):
                 raise PolicyError("bad_reply", f"an answer that is {shown(answer)}, not a mapping")
             if (actions := self._told(answer, writer.command)) is not None:
                 return actions
             more += [camera for camera in answer.get("look", ()) if camera in self._robot.cameras]
-        raise PolicyError("bad_reply", f"no action in {_ASKED} answers, the last of which has {', '.join(answer)}")
+        raise PolicyError("bad_reply", f"no action in {asked} answers, the last of which has {', '.join(answer)}")
 
     def _ask(self, message: Mapping[str, Any]) -> Any:
         packed = pack(message)
