@@ -2,8 +2,8 @@
 
     python -m benchmarks.hands.search_times -p expert,reactive --robot r1 --seeds 40-43 --out searches.jsonl
 
-Seconds are the processor's, so that what runs beside it counts little. A killed run goes on where it stopped; files of
-two commits stand side by side by `--compare FILE`, with the successes of the same trials.
+Seconds are the processor's: other programs change them little. A killed run goes on where it stopped. `--compare FILE`
+sets successes and seconds of the same trials beside those of another commit.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ from mpvi_bt.ground.robot.protocol import Side
 
 _STEP_RAD = 2.0  # how far a tree grows at once, if the way is free
 _LEAST_RAD = 0.1  # a shorter step is none
-# Our choice: of the postures that a tree grows toward, the parts that are the other tree's root and that lie about the
-# straight line from start to goal, and their spread about it. The rest are anywhere within the limits.
+# Our choice: in the first part of its steps a tree grows toward the other tree's root, in the second toward postures
+# about the straight line from start to goal, with this spread. In the rest it grows toward any posture in the limits.
 _ROOT, _ABOUT_LINE, _SPREAD_RAD = 0.15, 0.7, 1.0
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
 _SWING_M = 0.03  # what hangs from a hand swings that far while torso and arms move

@@ -10,7 +10,7 @@ FOLDER = "tasks/houses"
 
 
 def check_house_name(house: str) -> None:
-    """Raise UserError unless there is a house of that name, in that file, or by that kind and seed."""
+    """Raise UserError unless this names a house: its name, its file, or a kind and a seed."""
     if (drawn := seeded(house)) is None:
         paths.find_or_file(FOLDER, house, "house")
     else:

@@ -12,7 +12,7 @@ FLOOR_COST = 4  # our choice: what is set down on a floor is in the way, and han
 # Our choice: to work on what hangs in a hand is worse than two drives more, of who sets it down and comes back. In the
 # house such plans failed.
 HANGING_COST = 3 * DRIVE_COST
-DOOR_COST = 7  # our choice: who moves a door while the other hand is full may lose what that one holds
+DOOR_COST = 7  # our choice: a payload in the other hand is easily lost while one hand moves a door
 # Our choice: what lies loose on a thing that is moved may fall, fire burns, and with both arms around a thing the robot
 # finds no way past what lies on the floor.
 ADVERSE_COST = 2 * DRIVE_COST
