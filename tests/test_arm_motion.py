@@ -244,6 +244,16 @@ def test_a_sweep_into_something_is_none() -> None:
     assert sweep(free, TORSO, level_hand) is not None  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("pitch", "leads"), [(0.0, True), (0.5, False), (0.9, False)])
+def test_a_trunk_may_leave_what_it_touches_and_not_come_nearer(pitch: float, leads: bool) -> None:
+    """A picture may put the edge of a shelf into a bent head: it straightens up, and does not stay or go on into it."""
+    bent = np.array([0.3, 0.0, 0.5, 0.0])
+    x, _, z, _ = R1.chest(bent) @ np.append(R1.hull.trunk[0, :3], 1.0)  # the middle of the head, 12 cm in radius
+    body = Body(R1, bent, dict(r1.TRAVEL_ARM), {}, Surroundings([box((x + 0.2, 0.0, z), (0.2, 0.6, 0.02))]))
+    assert not body.trunk_free()
+    assert (sweep(body, np.array([0.3, 0.0, pitch, 0.0]), {}) is not None) == leads
+
+
 @settings(deadline=None, max_examples=30)
 @given(seeds, sides)
 def test_a_sweep_is_a_swing_that_is_clear(seed: int, side: Side) -> None:

@@ -74,6 +74,21 @@ def test_a_step_back_ends_before_what_stands_there() -> None:
     assert not list(step_back(work))
 
 
+def test_who_touches_something_backs_off_it() -> None:
+    """A head that is bent into the edge of a shelf, by what a picture shows, comes out of there with the base."""
+    world = small_world()
+    bent = world.robot.action.copy()
+    bent[LAYOUT.torso] = (0.3, 0.0, 0.8, 0.0)
+    run(world, bent, 2.0)
+    world.robot.act(bent)
+    scene = Unseeing(world)
+    scene.obstacles = lambda *_, **__: Surroundings([box((0.6, 0.0, 1.1), (0.2, 0.6, 0.02))])  # type: ignore[method-assign]
+    work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert not work.body().trunk_free()
+    assert played(world, work, back_off(work))[0] == pytest.approx(-0.35, abs=0.02)
+    assert work.body().trunk_free()
+
+
 class Unseeing(TrueScene):
     """A scene of which no picture has shown what stands about the robot."""
 

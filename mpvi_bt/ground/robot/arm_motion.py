@@ -192,11 +192,17 @@ def swing(
 
 
 def swings_clear(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], samples: int = 12) -> bool:
-    """Whether the motion found by `swing` is free of collisions; it may not reduce a distance that is already small."""
+    """Whether the motion found by `swing` is free of collisions; it may not reduce a distance that is already small.
+
+    The trunk has to be clear at the end: head or chest may only leave what they touch.
+    """
     before = {s: min(_CORNERS_M if s in body.held else 0.0, body.distance(s, q)) - 1e-6 for s, q in body.arms.items()}
-    for k, (_, now) in enumerate(_torsos(body, torso, samples), 1):
+    least = np.minimum(body.trunk_gaps(), 0.0) - 1e-6
+    for k, (u, now) in enumerate(_torsos(body, torso, samples), 1):
         moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in arms.items()}})
-        if not moved.trunk_free() or any(moved.distance(s, q) <= before[s] for s, q in moved.arms.items()):
+        if (moved.trunk_gaps() <= (least if u < 1.0 else 0.0)).any():
+            return False
+        if any(moved.distance(s, q) <= before[s] for s, q in moved.arms.items()):
             return False
     return True
 

@@ -183,9 +183,12 @@ class Body:
         p, _, radii, _ = self._arm_points(side, q, False)
         return p, radii
 
-    def distance(self, side: Side, q: Array) -> float:
-        """How far posture q (7,) of an arm, with what it holds, keeps from the surroundings [m], negative within."""
-        p, radii = self.spheres(side, q)
+    def distance(self, side: Side, q: Array, grasping: bool = False) -> float:
+        """How far posture q (7,) of an arm, with what it holds, keeps from the surroundings [m], negative within.
+
+        `grasping` leaves the fingers out, which may touch what they grasp.
+        """
+        p, _, radii, _ = self._arm_points(side, q, grasping)
         return float((self.around.distance(p) - radii).min())
 
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
@@ -197,10 +200,14 @@ class Body:
             out[some] = self._from_itself(side, p[some], hands[some], radii, own) > 0.0
         return out
 
+    def trunk_gaps(self) -> Array:
+        """(n,) how far the spheres about head, chest and the trunk's links keep from the surroundings [m]."""
+        centers, radii = self._trunk
+        return self.around.distance(centers) - radii
+
     def trunk_free(self) -> bool:
         """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
-        centers, radii = self._trunk
-        return bool((self.around.distance(centers) > radii).all())
+        return bool((self.trunk_gaps() > 0).all())
 
     def all_free(self) -> bool:
         """Whether arms and trunk are free as they stand."""

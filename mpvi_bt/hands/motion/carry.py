@@ -247,14 +247,15 @@ def unwedge(work: Work) -> Actions:
 def back_off(work: Work) -> Actions:
     """A little back as it stands, straight or obliquely where something is in the way of what is held.
 
-    Where that is not free it goes less far; where it cannot move at all, nowhere.
+    Where that is not free it goes less far; where it cannot move at all, nowhere. What it touches it may leave.
     """
     here, body, near = work.motion.felt.base_pose, work.body(), work.near()
-    body = replace(body, held={side: _as_it_hangs(work, side, body) for side in body.held})
+    body = body.amid(body.around, {side: _as_it_hangs(work, side, body) for side in body.held})
+    least = np.minimum(_gaps(body), 0.0) - 1e-6
     for by, turn in (*product(_CARRY.back_m, _CARRY.back_rad), *product(_CARRY.back_m, _CARRY.aside_rad)):
         back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
-        around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
-        if all(base_clear(work.motion.robot, a) and _passes(replace(body, around=a)) for a in around):
+        around = (near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0))
+        if all((_gaps(body.amid(a)) > least).all() for a in around):
             yield from work.motion.drive(here + back)
             return
 
@@ -267,12 +268,12 @@ def step_back(work: Work) -> Actions:
         yield from work.motion.drive(here + step)
 
 
-def _passes(body: Body) -> bool:
-    """Whether a body is free, hands that hold something as near to things as they may be where they take them."""
-    return body.trunk_free() and all(
-        bool(body.free(s, q, -TOUCH_M if s in body.held else 0.0, grasping=s in body.held)[0])
-        for s, q in body.arms.items()
-    )
+def _gaps(body: Body) -> Array:
+    """(n,) how far base, trunk and arms keep from things [m]; a hand may touch what it takes something from."""
+    standing = body.robot.hull.standing
+    base = body.around.distance(standing[:, :3]) - standing[:, 3]
+    arms = [body.distance(s, q, s in body.held) + (TOUCH_M if s in body.held else 0.0) for s, q in body.arms.items()]
+    return np.concatenate([base, body.trunk_gaps(), arms])
 
 
 def _as_it_hangs(work: Work, side: Side, body: Body) -> Load:
