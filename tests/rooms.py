@@ -55,7 +55,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("ros2",),
         ("report",),
     ),
-    "testing": (("doubles", "full_hands"), ("contracts", "scene_builder")),
+    "testing": (("doubles", "full_hands", "label_segmenter"), ("contracts", "scene_builder")),
     "apps": (("authoring",), ("api", "watch"), ("mcp_server",), ("cli",)),
 }
 RANK = {

@@ -19,6 +19,7 @@ _BACKGROUND = ("window", "picture", "rug", "mirror", "lawn", "driveway")
         ("radio_receiver.n.01_1.switch", "switch"),
         ("oven_1.switch", "switch"),
         ("floor_kitchen", "floor"),
+        ("floor_lamp_1", "lamp"),
         ("wall_kitchen", ""),
         ("wall_nail_1", "wall_nail"),
         ("dining_chair_2", "chair"),

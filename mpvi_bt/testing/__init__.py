@@ -18,6 +18,7 @@ from mpvi_bt.testing.doubles import (
     StraightNavigator,
     scripted_context,
 )
+from mpvi_bt.testing.label_segmenter import LabelSegmenter
 from mpvi_bt.testing.scene_builder import SceneBuilder
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "GripPolicy",
     "KinematicRobot",
     "KinematicWorld",
+    "LabelSegmenter",
     "SceneBuilder",
     "ScriptedChecker",
     "StraightNavigator",

@@ -41,6 +41,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
             if result.get("config", {}).get("assisted")
             else []
         ),
+        *((("eyes", eyes),) if (eyes := _eyes(result)) else ()),
         ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
     ]
     verdict = {"SUCCESS": "goal met", "FAILURE": "goal not met"}.get(said := _verdict(result), said)
@@ -85,6 +86,14 @@ def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for i, failure in enumerate(result["failures"]):
         said = failure["feedback"] or failure["reason"]
         yield "gave up" if i < given_up else "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
+
+
+def _eyes(result: Mapping[str, Any]) -> str:
+    """Which parts see by what; "" if none looks at pictures."""
+    told = {"pixels": "pixels", "labels": "labels of the renderer"}
+    by = {eyes: [kind for kind, own in result.get("eyes", {}).items() if own == eyes] for eyes in told}
+    said = [f"{told[eyes]} ({', '.join(kinds)})" for eyes, kinds in by.items() if kinds]
+    return "; ".join(said)
 
 
 def _replanned(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

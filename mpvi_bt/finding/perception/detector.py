@@ -42,7 +42,8 @@ class Detector(Protocol):
     """Finds things by phrases.
 
     One whose answers depend on the pictures before may have `save()`, which gives that as JSON values, and
-    `restore(saved)`: a run that was stopped goes on with it.
+    `restore(saved)`: a run that was stopped goes on with it. One that overlooks what is small, as places from afar are
+    uncertain, may have `near`: one like it that does not, for hands.
 
     Attributes:
         name: As given on the command line.
@@ -109,6 +110,12 @@ class GuardedDetector:
         for detection in found:
             check_detection(detection, image, phrases, f"detector {self.name}")
         return list(found)
+
+    @property
+    def near(self) -> GuardedDetector:
+        """One like it for hands, where the other one has one; else itself."""
+        near = getattr(self._detector, "near", self._detector)
+        return self if near is self._detector else GuardedDetector(near, self._limit_s)
 
     def save(self) -> dict[str, Any]:
         """State of the inner detector from picture to picture, as JSON values."""

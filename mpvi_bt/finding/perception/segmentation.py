@@ -6,11 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
 
 from mpvi_bt.finding.perception.detector import ROBOT, SWITCH, Detection, switch_of
-from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.finding.perception.labeled_pixels import LabeledPixels, visible
 from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.ground.words.phrases import Vocabulary, read
 from mpvi_bt.ground.words.sizes import Mistakes
@@ -18,7 +16,6 @@ from mpvi_bt.ground.words.sizes import Mistakes
 NAME = "segmentation"
 LEAST_PX = 20
 LOWEST_SCORE = 0.35  # of a detector that confuses: the usual threshold of Grounding DINO
-_TABLE = 1 << 20  # label ids below this are looked up in a table
 
 
 @dataclass(frozen=True)
@@ -82,6 +79,7 @@ class SegmentationDetector:
             errors: Mistakes to make.
             seed: Of the mistakes.
         """
+        self._given = vocabulary
         called = {label: list(phrases) for label, phrases in vocabulary.items()}
         switches = {label + SWITCH: [switch_of(p) for p in phrases] for label, phrases in called.items()}
         self._vocabulary = Vocabulary({**called, **switches})
@@ -100,7 +98,7 @@ class SegmentationDetector:
         meant = {phrase: {ROBOT} if phrase == ROBOT else set(self._vocabulary.named(phrase)) for phrase in phrases}
         # Whoever errs may take for a phrase whatever is in view.
         names = set(image.names.values()) if rng is not None else set().union(*meant.values())
-        things = self._visible(image.labels, image.names, names)
+        things = visible(image.labels, image.names, names, self._least_px)
         if rng is not None:
             things = [t for thing in things if (t := self._mistaken(thing, size, rng)) is not None]
         found = []
@@ -112,6 +110,11 @@ class SegmentationDetector:
             found += [Detection(phrase, thing.score, thing.box.copy(), thing.spread(size)) for thing in own]
         return found
 
+    @property
+    def near(self) -> SegmentationDetector:
+        """One without a least size; the same one if it errs, since mistakes follow from the pictures before."""
+        return self if self.note else SegmentationDetector(self._given, least_px=1)
+
     def save(self) -> dict[str, int]:
         """How many pictures there were: the mistakes in the next one depend on that."""
         return {"pictures": self._pictures}
@@ -120,7 +123,7 @@ class SegmentationDetector:
         """Go on after as many. Raises KeyError, TypeError or ValueError if that is not as `save` writes it."""
         self._pictures = int(saved["pictures"])
 
-    def _mistaken(self, thing: _Seen, size: tuple[int, ...], rng: np.random.Generator) -> _Seen | None:
+    def _mistaken(self, thing: LabeledPixels, size: tuple[int, ...], rng: np.random.Generator) -> LabeledPixels | None:
         """A thing as it seems to be, or None if it is missed. Each takes as many draws as any other."""
         missed, rank = rng.random(2)
         edges = rng.normal(0.0, self._errors.jitter, 4)
@@ -132,81 +135,10 @@ class SegmentationDetector:
         moved = thing.stretched(edges, size) if self._errors.jitter else thing
         return None if moved is None else replace(moved, score=score)
 
-    def _confused(self, others: Sequence[_Seen], rng: np.random.Generator) -> list[_Seen]:
+    def _confused(self, others: Sequence[LabeledPixels], rng: np.random.Generator) -> list[LabeledPixels]:
         """A false detection of a phrase on one of the `others`, or none."""
         confused, which, rank = rng.random(3)
         if confused >= self._errors.confuse or not others:
             return []
         score = 1.0 - (1.0 - LOWEST_SCORE) * float(np.sqrt(rank))
         return [replace(others[int(which * len(others))], score=score)]
-
-    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str], wanted: set[str]) -> list[_Seen]:
-        """Each of the wanted things that enough of is seen, in the order of their labels."""
-        known = sorted(wanted.intersection(names.values()))
-        index = {name: k + 1 for k, name in enumerate(known)}
-        last = int(labels.max(initial=0))
-        if last < _TABLE and labels.min(initial=0) >= 0:
-            table = np.zeros(last + 1, np.uint8 if len(known) < 256 else np.int32)
-            for id_, name in names.items():
-                if 0 <= id_ <= last and name in index:
-                    table[id_] = index[name]
-            shown = np.take(table, labels)
-        else:  # ids that come from elsewhere may be any numbers
-            ids, places = np.unique(labels, return_inverse=True)
-            table = np.array([index.get(names.get(id_, ""), 0) for id_ in ids.tolist()], np.int32)
-            shown = table[places].reshape(labels.shape)
-        lit = shown > 0
-        if not lit.any():
-            return []
-        tall, wide = (np.flatnonzero(lit.any(axis)) for axis in (1, 0))
-        top, left = int(tall[0]), int(wide[0])  # in most pictures it is little that counts
-        shown = shown[top : tall[-1] + 1, left : wide[-1] + 1]
-        corner, found = np.array([left, top] * 2), []
-        for k, box in enumerate(ndimage.find_objects(shown, len(known)), start=1):
-            if box is None:
-                continue
-            (rows, columns), mask = box, shown[box] == k
-            if np.count_nonzero(mask) >= (1 if known[k - 1] == ROBOT else self._least_px):
-                edges = [columns.start, rows.start, columns.stop, rows.stop]
-                found.append(_Seen(known[k - 1], corner + edges, mask))
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A thing in a picture.
-
-    Attributes:
-        label: What it is.
-        box: (4,) left, top, right, bottom [px], the last ones exclusive.
-        mask: (bottom - top, right - left) bool, within it.
-        score: How surely it is detected, 0 to 1.
-    """
-
-    label: str
-    box: NDArray[np.intp]
-    mask: NDArray[np.bool_]
-    score: float = 1.0
-
-    def spread(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        """(H, W) bool: the mask of the whole picture."""
-        mask = np.zeros(shape, bool)
-        left, top, right, bottom = self.box
-        mask[top:bottom, left:right] = self.mask
-        return mask
-
-    def stretched(self, edges: Array, shape: tuple[int, ...]) -> _Seen | None:
-        """With its box's edges moved by (4,) [px], as far as it is in the picture; None if nothing of it is."""
-        left, top, right, bottom = np.rint(self.box + edges).astype(int).tolist()
-        right, bottom = max(right, left + 1), max(bottom, top + 1)
-        height, width = self.mask.shape
-        rows = (np.arange(max(top, 0), min(bottom, shape[0])) - top) * height // (bottom - top)
-        columns = (np.arange(max(left, 0), min(right, shape[1])) - left) * width // (right - left)
-        mask = self.mask[np.ix_(rows, columns)]
-        (inside,) = ndimage.find_objects(mask.astype(np.uint8), 1)
-        if inside is None:
-            return None
-        tall, wide = inside
-        corner = np.array([max(left, 0), max(top, 0)] * 2)
-        box = corner + [wide.start, tall.start, wide.stop, tall.stop]
-        return replace(self, box=box, mask=mask[tall, wide])

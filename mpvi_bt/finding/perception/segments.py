@@ -69,9 +69,7 @@ def kind_of(label: str) -> str:
     if (synset := _SYNSET.fullmatch(label)) is not None:
         return synset[1]
     words = _NUMBER.sub("", label)
-    if words.split("_")[0] == FLOOR:
-        return FLOOR
     if words in _ALIKE:
         return _ALIKE[words]
     ends = [kind for kind in FURNITURE if words == kind or words.endswith("_" + kind)]
-    return max(ends, key=len, default="")
+    return max(ends, key=len, default=FLOOR if words.split("_")[0] == FLOOR else "")

@@ -23,6 +23,7 @@ class Cameras:
 
     Attributes:
         names: Scene id to the name of the thing, for the label image; filled by the world.
+        labels: Whether pictures have labels. Without, they show what a real camera does.
         before: Called before each picture, to bring what is only seen to where it belongs; set by the world.
         taken: Pictures rendered so far.
         seconds: Wall time spent on them.
@@ -34,6 +35,7 @@ class Cameras:
         self._mounts: dict[str, Array] = {}  # (4, 4) in their entities, looking along x
         self._free: dict[tuple[int, int], sapien.Entity] = {}
         self.names: Mapping[int, str] = {}
+        self.labels = True
         self.before: Callable[[], None] = lambda: None
         self.taken = 0
         self.seconds = 0.0
@@ -81,8 +83,8 @@ class Cameras:
             camera=name,
             rgb=_bytes(camera.get_picture("Color")[..., :3]),
             depth=depth,
-            labels=position[..., 3].astype(np.int32),
-            names=self.names,
+            labels=position[..., 3].astype(np.int32) if self.labels else None,
+            names=self.names if self.labels else {},
             K=np.asarray(camera.get_intrinsic_matrix(), float),
             T_world_camera=matmul(T_world_link.astype(float), transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0))),
         )

@@ -11,7 +11,7 @@ import importlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.runs.choices.plugins import OFFERED, PluginPart, asked_for, entry_points, find
@@ -26,7 +26,8 @@ class Backend:
         privileged: Whether it reads simulator truth.
         address: What its address looks like; "" if it has none.
         optional: Whether it may be chosen without its address.
-        sees: Whether it looks through the robot's cameras.
+        eyes: By what it sees the pictures of the robot's cameras: "labels", of the renderer; "pixels", colors and depth
+            alone; "detector", as the chosen detector does; "" if it looks at none.
         errs: Whether its address says how often it is to err.
         factory: "module:function" that makes it, called with those of the things on offer that it names as parameters;
             "" where a choice needs more than a call.
@@ -36,9 +37,14 @@ class Backend:
     privileged: bool = False
     address: str = ""
     optional: bool = False
-    sees: bool = False
+    eyes: Literal["", "labels", "pixels", "detector"] = ""
     errs: bool = False
     factory: str = ""
+
+    @property
+    def sees(self) -> bool:
+        """Whether it looks through the robot's cameras."""
+        return bool(self.eyes)
 
     def spelled(self, name: str) -> str:
         """How one chooses it: "expert", "openpi:ws://HOST:PORT", "grounding_dino[:MODEL]"."""
@@ -71,14 +77,14 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             "objects in the camera's label image; the address sets its error rate",
             address="miss=0.1",
             optional=True,
-            sees=True,
+            eyes="labels",
             factory="mpvi_bt.runs.choices.detectors:segmentation",
         ),
         "grounding_dino": Backend(
             "Grounding DINO, by transformers, on the camera's picture",
             address="MODEL",
             optional=True,
-            sees=True,
+            eyes="pixels",
             factory="mpvi_bt.runs.choices.detectors:grounding_dino",
         ),
         "oracle": Backend(
@@ -100,46 +106,46 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             factory="mpvi_bt.runs.choices.policies:expert",
         ),
         "reactive": Backend(
-            "the same skills, on camera pictures", sees=True, factory="mpvi_bt.runs.choices.policies:reactive"
+            "the same skills, on camera pictures", eyes="detector", factory="mpvi_bt.runs.choices.policies:reactive"
         ),
         "learned": Backend(
             "networks, learned from demonstrations; with weights of your own, or those that ship",
             address="FILE.npz",
             optional=True,
-            sees=True,
+            eyes="detector",
             factory="mpvi_bt.runs.choices.policies:learned",
         ),
         "openpi": Backend(
             "a policy server that speaks openpi's protocol",
             address="ws://HOST:PORT",
-            sees=True,
+            eyes="pixels",
             factory="mpvi_bt.runs.choices.policies:openpi",
         ),
         "vla_eval": Backend(
             "a model server of the vla-eval package",
             address="ws://HOST:PORT",
-            sees=True,
+            eyes="pixels",
             factory="mpvi_bt.runs.choices.policies:vla_eval",
         ),
         "groot": Backend(
             "a policy server of GR00T's",
             address="tcp://HOST:PORT",
-            sees=True,
+            eyes="pixels",
             factory="mpvi_bt.runs.choices.policies:groot",
         ),
         "lerobot": Backend(
             "a checkpoint of LeRobot's, in this process or by LeRobot's server",
             address="FOLDER|grpc://HOST:PORT/FOLDER",
-            sees=True,
+            eyes="pixels",
             factory="mpvi_bt.runs.choices.policies:lerobot",
         ),
     },
     "checker": {
         "visual": Backend(
-            "judges a criterion by one camera image; the address sets its error rates",
+            "judges a criterion by one picture's label image and depth; the address sets its error rates",
             address="fp=0.05,fn=0.1,latency=1",
             optional=True,
-            sees=True,
+            eyes="labels",
             factory="mpvi_bt.runs.choices.checkers:visual",
             errs=True,
         ),
@@ -154,7 +160,7 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
         "openai": Backend(
             "a vision-language model behind an OpenAI-compatible endpoint",
             address="MODEL[@URL]",
-            sees=True,
+            eyes="pixels",
             factory="mpvi_bt.runs.choices.checkers:openai",
         ),
     },
@@ -259,7 +265,7 @@ def choose(kind: str, given: str) -> Choice:
         reads = first.backend.privileged or second.backend.privileged
         sees = first.backend.sees or second.backend.sees
         rest = "what it has no skill for" if only is None else "all other skills"
-        backend = Backend(f"{both[0]}; {both[1]} does {rest}", reads, sees=sees)
+        backend = Backend(f"{both[0]}; {both[1]} does {rest}", reads, eyes="detector" if sees else "")
         return Choice(kind, given, given, "", backend, both=(first, second), only=only)
     known = BACKENDS[kind]
     if kind == "policy" and (alone := _limited(given)[0]) != given and name_of(alone) in known:
@@ -268,7 +274,8 @@ def choose(kind: str, given: str) -> Choice:
     if name not in known:
         if (part := find(kind, given, known)) is not None:
             about = f"{part.path}, of another package"
-            return Choice(kind, given, given, "", Backend(about, sees=kind in ("policy", "checker", "detector")), part)
+            looks = kind in ("policy", "checker", "detector")
+            return Choice(kind, given, given, "", Backend(about, eyes="labels" if looks else ""), part)
         raise UnknownName(kind, name, (*known, *(entry_points(kind) if kind in OFFERED else ())))
     backend = known[name]
     if backend.address and not address and not (backend.optional and given == name):
@@ -281,3 +288,25 @@ def choose(kind: str, given: str) -> Choice:
 def privileged(chosen: Mapping[str, str]) -> list[str]:
     """Those of the chosen backends (kind to name) that read simulator truth, as "kind:name", sorted."""
     return sorted(f"{kind}:{name}" for kind, name in chosen.items() if choose(kind, name).backend.privileged)
+
+
+def eyes_of(chosen: Mapping[str, str]) -> dict[str, str]:
+    """By what the chosen backends (kind to name) see pictures: kind to "labels" or "pixels", of those that look at any.
+
+    Parts of other packages are taken to read labels, unless their class says `eyes = "pixels"`. A policy that is
+    somewhere else sees by pixels; labels are sent to it only where they are rendered for another part. With the
+    detector "oracle" policies see by labels.
+    """
+    choices = {kind: choose(kind, name) for kind, name in chosen.items()}
+    detector = _eyes(choices["detector"], "labels") if "detector" in choices else ""
+    found = {kind: _eyes(choice, detector or "labels") for kind, choice in choices.items()}
+    return {kind: eyes for kind, eyes in found.items() if eyes}
+
+
+def _eyes(choice: Choice, detector: str) -> str:
+    """By what a choice sees, where the detector does by that."""
+    if choice.both is not None:
+        return max((_eyes(one, detector) for one in choice.both), key=("", "pixels", "labels").index)
+    if choice.part is not None and getattr(choice.part.load(), "eyes", "") == "pixels":
+        return "pixels"
+    return detector if choice.backend.eyes == "detector" else choice.backend.eyes

@@ -37,8 +37,6 @@ from mpvi_bt.runs.choices.policies import (
 from mpvi_bt.runs.disturbances.answer_times import TimedPolicy
 from mpvi_bt.runs.episode.prepare import Prepared, arrangement
 
-_LABELS = ("oracle", "segmentation")  # policies that see have a detector of labels of their own, for what is near
-
 
 @dataclass(frozen=True)
 class RunParts:
@@ -83,7 +81,6 @@ def assemble(
     """
     skills = prepared.skills
     detector = make_detector(config.detector, vocabulary, config.seed)
-    seeing = None if detector.name in _LABELS else detector
     told = demonstrations() if config.planner == NOBODY else None
     truth = world if isinstance(world, SimWorld) else None
     task = prepared.task.problem if prepared.task else prepared.spec.name
@@ -93,7 +90,7 @@ def assemble(
     else:
         navigator = explorer(world, None, relevant, detector, config.map, config.seed)
     standing = _standing(config, navigator)
-    ground = PolicyInputs(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot, standing)
+    ground = PolicyInputs(skills, vocabulary, detector.near, truth, config.seed, told, task, config.robot, standing)
     policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
     timed = TimedPolicy(policy) if config.times is not None else None
     handed = disturbed(paced(in_chunks(timed or policy, config), config), config, skills, relevant)

@@ -31,7 +31,7 @@ from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.layout.prior_map import prior_map
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import load_catalogue
-from mpvi_bt.runs.choices.backends import choose
+from mpvi_bt.runs.choices.backends import choose, eyes_of
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import PolicyInputs
 from mpvi_bt.runs.choices.simulators import begin_elsewhere
@@ -97,6 +97,8 @@ def run(
         )  # fmt: skip
     else:
         world, start = begin_elsewhere(config, _renders(config))
+    if world.cameras is not None:
+        world.cameras.labels = "labels" in eyes_of(config.backends).values()
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
     places = _places(world)

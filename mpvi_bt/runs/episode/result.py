@@ -27,7 +27,7 @@ from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.marked_yaml import Amount, Count, Record, Share
 from mpvi_bt.ground.version import __version__
 from mpvi_bt.ground.writing import unwritable, write_whole
-from mpvi_bt.runs.choices.backends import privileged
+from mpvi_bt.runs.choices.backends import eyes_of, privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.episode.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.runs.episode.queries import Queries
@@ -213,6 +213,8 @@ class Result(Record):
             not kept. Wall times of its answers are under "wall".
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
+        eyes: Kinds of backends that look at pictures, to what they see them by: "labels" of the renderer, or "pixels";
+            absent in results of before.
         way: Of the base and of things, for drawing; null where it was not kept.
         directions: What each figure's unit is, and which way is better.
         wall: Every wall-clock figure [s].
@@ -250,6 +252,7 @@ class Result(Record):
     diagnosis: list[Handoff] | None = None
     config: dict[str, JsonValue]
     privileged: list[str]
+    eyes: Annotated[dict[str, str] | None, _IF_ANY] = None
     way: Way | None = None
     directions: dict[str, str]
     wall: dict[str, JsonValue]
@@ -396,6 +399,7 @@ def make_result(
         diagnosis=None if diagnosis is None else [kept_handoff(handoff) for handoff in diagnosis],
         config=config.record(),
         privileged=privileged(config.backends),
+        eyes=eyes_of(config.backends),
         way=Way(base=measured.way, things=dict(things or {})),
         directions=dict(DIRECTIONS),
         wall=dict(wall or {}),

@@ -1,0 +1,221 @@
+"""Eyes that see kinds in pictures: one pass for all who look, words by kind, and never a label of the renderer."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mpvi_bt.finding.perception.detector import ROBOT, GuardedDetector
+from mpvi_bt.finding.perception.learned_checker import LearnedChecker
+from mpvi_bt.finding.perception.learned_detector import LearnedDetector
+from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.perception.segments import FLOOR, SWITCHES, Segments, kind_of
+from mpvi_bt.finding.perception.shared_eyes import Eyes
+from mpvi_bt.finding.perception.visual_checker import VisualChecker
+from mpvi_bt.ground.robot.protocol import CameraImage
+from mpvi_bt.ground.words.phrases import Vocabulary
+from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.things.catalogue import load_catalogue
+from mpvi_bt.house.things.kind_words import kind_words
+from mpvi_bt.runs.choices.backends import eyes_of
+from mpvi_bt.testing import LabelSegmenter, check_checker, check_detector
+from tests.small_house import placed, small_world
+from tests.test_checkers import Box, can, head, trash_can
+
+WORDS = kind_words(load_catalogue())
+KINDS = (*WORDS, SWITCHES, ROBOT)
+SODA, BIN, RADIO = "can__of__soda.n.01", "ashcan.n.01", "radio_receiver.n.01"
+
+
+def eyes() -> Eyes:
+    return Eyes(LabelSegmenter(KINDS), WORDS)
+
+
+def picture(labels: object, names: dict[int, str]) -> CameraImage:
+    array = np.array(labels, np.int32)
+    rgb = np.zeros((*array.shape, 3), np.uint8)
+    return CameraImage("head", rgb, np.ones(array.shape, np.float32), array, names, np.eye(3), np.eye(4))
+
+
+CANS = picture(
+    [[0, 1, 1, 4], [2, 0, 3, 5], [2, 6, 3, 7]],
+    {1: f"{SODA}_1", 2: f"{SODA}_2", 3: f"{BIN}_1", 4: ROBOT, 5: ROBOT, 6: "floor_kitchen", 7: "kitchen_window_1"},
+)
+VOCABULARY = {f"{SODA}_1": WORDS[SODA], f"{SODA}_2": WORDS[SODA], f"{BIN}_1": WORDS[BIN]}
+ASKED = ["can of soda", "the soda cans on the table", "garbage can", "elephant", "window", "floor", ROBOT]
+
+
+def in_bin(z: float) -> list[Box]:
+    """Two cans at a height over the bin's floor, called as the world calls such things."""
+    boxes = [*trash_can(), can(0.03, 0.0, z), can(-0.03, 0.05, z, "can_2"), ("floor", (-3, -3, -0.1), (3, 3, 0.0))]
+    called = {"bin": f"{BIN}_1", "can_1": f"{SODA}_1", "can_2": f"{SODA}_2", "floor": "floor_1"}
+    return [(called[name], low, high) for name, low, high in boxes]
+
+
+def test_it_keeps_the_contracts_of_detectors_and_checkers() -> None:
+    """Bare, guarded and near."""
+    check_detector(lambda: LearnedDetector(eyes()), [CANS, head(in_bin(0.02))], ASKED)
+    check_detector(lambda: GuardedDetector(LearnedDetector(eyes())).near, [CANS], ASKED)
+    check_checker(LearnedChecker(eyes()))
+
+
+def test_perfect_segments_are_found_as_labels_are() -> None:
+    """With identities taken off, the same masks and boxes are found for the same phrases."""
+    for image in (CANS, head(in_bin(0.02))):
+        by_labels = SegmentationDetector(VOCABULARY, least_px=1).detect(image, [*ASKED[:4], ROBOT])
+        by_kinds = LearnedDetector(eyes(), least_px=1).detect(image, [*ASKED[:4], ROBOT])
+        assert len(by_kinds) == len(by_labels) > 0
+        for own, other in zip(by_kinds, by_labels, strict=True):
+            assert (own.phrase, own.score) == (other.phrase, other.score)
+            np.testing.assert_array_equal(own.mask, other.mask)
+            np.testing.assert_array_equal(own.box, other.box)
+
+
+def test_what_no_kind_is_called_is_not_found() -> None:
+    """Nor is background: that a thing is there does not make it known."""
+    detector = LearnedDetector(eyes(), least_px=1)
+    assert detector.detect(CANS, ["elephant", "window", "", "the", SODA, f"{SODA}_1", "kitchen_window_1"]) == []
+    assert detector.detect(dataclasses.replace(CANS, rgb=CANS.rgb.copy(), labels=None), ASKED) == []
+
+
+def test_a_phrase_means_a_kind_by_any_of_its_words() -> None:
+    """Synonyms, plurals, qualities and parts count as with any vocabulary."""
+    seeing = eyes()
+    assert seeing.meant("two of your soda cans") == {SODA}
+    assert seeing.meant("the refrigerator's left door in the kitchen") == {"electric_refrigerator"}
+    assert seeing.meant("the switch of the radio") == {f"{RADIO}.switch"}
+    assert seeing.meant(ROBOT) == {ROBOT}
+    assert seeing.meant("elephant") == set()
+
+
+@pytest.mark.parametrize("house", ["family_house", "generated:3", "generated:flat:3", "generated:office:3"])
+def test_words_of_a_kind_are_those_of_its_things(house: str) -> None:
+    """Whatever a fixture of a house, or a thing of the catalogue, is called means its kind, too."""
+    vocabulary = Vocabulary(WORDS)
+    called = [(kind_of(name), fixture.entry) for name, fixture in load_house(house).fixtures.items()]
+    called += [(kind_of(f"{e.synset}_1"), e) for e in load_catalogue() if e.mass_kg is not None]
+    for kind, entry in called:
+        for phrase in entry.phrases if kind else ():
+            assert kind in vocabulary.named(phrase), (kind, phrase)
+
+
+def test_all_who_look_at_a_picture_share_one_pass() -> None:
+    """Detector, the one for hands and checker; also where one of them has smoothed the depth."""
+    segmenter = LabelSegmenter(KINDS)
+    seeing = Eyes(segmenter, WORDS)
+    detector, checker = LearnedDetector(seeing), LearnedChecker(seeing)
+    detector.detect(CANS, ASKED)
+    detector.near.detect(dataclasses.replace(CANS, depth=CANS.depth + 1), ASKED)
+    checker.check("a can of soda is in the trash can", CANS)
+    assert segmenter.passes == 1
+    detector.detect(dataclasses.replace(CANS, rgb=CANS.rgb.copy()), ASKED)
+    assert segmenter.passes == 2
+
+
+def test_a_thing_of_few_pixels_is_seen_by_the_near_one_alone() -> None:
+    """The least size is of detectors that place things from afar; of the robot every pixel counts."""
+    detector = LearnedDetector(eyes())
+    assert [d.phrase for d in detector.detect(CANS, ["can of soda", ROBOT])] == [ROBOT]
+    assert [d.phrase for d in detector.near.detect(CANS, ["can of soda", ROBOT])] == [*["can of soda"] * 2, ROBOT]
+    errs = SegmentationDetector(VOCABULARY)
+    assert (len(errs.detect(CANS, ["can of soda"])), len(errs.near.detect(CANS, ["can of soda"]))) == (0, 2)
+
+
+def test_a_switch_is_of_the_thing_that_it_is_on() -> None:
+    """The network knows switches, not whose they are: that is what borders on them most."""
+    labels = np.zeros((12, 24), int)
+    labels[1:11, 1:11], labels[4:6, 4:7] = 1, 2
+    labels[1:11, 13:23], labels[8:10, 15:17] = 3, 4
+    names = {1: f"{RADIO}_1", 2: f"{RADIO}_1.switch", 3: "oven_1", 4: "oven_1.switch"}
+    detector = LearnedDetector(eyes(), least_px=1)
+    for phrase, label in (("switch of the radio", 2), ("switch of the oven", 4)):
+        (found,) = detector.detect(picture(labels, names), [phrase])
+        np.testing.assert_array_equal(found.mask, labels == label)
+
+
+class Doubting:
+    """A network that is not sure: it takes the left half for a can, and the right one for a bin."""
+
+    kinds: tuple[str, ...] = (SODA, BIN)
+
+    def segment(self, image: CameraImage) -> Segments:
+        labels = np.ones(image.depth.shape, np.int32)
+        labels[:, image.depth.shape[1] // 2 :] = 2
+        return Segments(labels, self.kinds, np.array([0.6, 0.4]))
+
+
+def test_scores_are_the_networks() -> None:
+    """How sure the network is of a kind is how sure the detection is."""
+    found = LearnedDetector(Eyes(Doubting(), WORDS), least_px=1).detect(CANS, ["can of soda", "trash can"])
+    assert [(d.phrase, d.score) for d in found] == [("can of soda", 0.6), ("trash can", 0.4)]
+
+
+@pytest.mark.parametrize("z", [0.02, 0.35])
+@pytest.mark.parametrize(
+    "criterion",
+    [
+        "a can of soda is in the trash can", "two cans of soda are in the trash can", "the can of soda is on the floor",
+        "the robot is at the trash can", "the can of soda is held in a gripper", "the trash can is on the floor",
+        "the elephant is in the trash can", "nonsense",
+    ],
+)  # fmt: skip
+def test_it_judges_as_the_visual_checker_does(criterion: str, z: float) -> None:
+    """By the same rules: with perfect segments the answers are the same."""
+    floors = ("floor", "kitchen floor")
+    image = head(in_bin(z))
+    judged = LearnedChecker(eyes(), floors).check(criterion, image)
+    assert judged == VisualChecker({**VOCABULARY, "floor_1": floors}).check(criterion, image)
+
+
+def test_without_a_picture_the_answer_is_no() -> None:
+    """With that as the reason; and a picture without labels is enough to look at."""
+    assert LearnedChecker(eyes()).check("a can of soda is in the trash can", None).reason == "no picture to look at"
+    judged = LearnedChecker(Eyes(Doubting(), WORDS)).check("the can of soda is in the trash can", head(in_bin(0.02)))
+    assert judged.reason != "no labeled picture to look at"
+
+
+def test_background_has_no_words() -> None:
+    """What no skill asks for is of no kind, so it is called nothing."""
+    assert "" not in WORDS
+    assert WORDS[FLOOR] == ("floor",)
+    assert "table" not in WORDS["desk"]
+
+
+# ------------------------------------------------------------------------------- who reads the renderer's labels
+
+
+@pytest.mark.parametrize(
+    ("chosen", "eyes"),
+    [
+        (("segmentation", "reactive", "visual"), ("labels", "labels", "labels")),
+        (("segmentation:miss=0.1", "learned", "oracle"), ("labels", "labels", "")),
+        (("grounding_dino", "reactive", "openai:m"), ("pixels", "pixels", "pixels")),
+        (("grounding_dino", "learned[pick]+reactive", "visual:fp=0.1"), ("pixels", "pixels", "labels")),
+        (("grounding_dino", "learned+expert", "oracle"), ("pixels", "pixels", "")),
+        (("oracle", "reactive", "oracle"), ("", "labels", "")),
+        (("oracle", "expert", "oracle"), ("", "", "")),
+        (("oracle", "openpi:ws://localhost:8000", "oracle"), ("", "pixels", "")),
+    ],
+)
+def test_each_part_sees_by_labels_or_by_pixels(chosen: tuple[str, ...], eyes: tuple[str, ...]) -> None:
+    """Policies that run here see as the detector does."""
+    kinds = ("detector", "policy", "checker")
+    known = eyes_of(dict(zip(kinds, chosen, strict=True)))
+    assert known == {kind: by for kind, by in zip(kinds, eyes, strict=True) if by}
+
+
+@pytest.mark.render
+def test_a_camera_that_is_told_to_shows_no_labels() -> None:
+    """Colors, depth and pose stay the same; there are neither labels nor names of things."""
+    world = small_world({"can": placed("can_of_soda", 1.0, 0.0)}, render=True)
+    world.settle()
+    assert world.cameras is not None
+    with_labels = world.robot.look("head")
+    world.cameras.labels = False
+    without = world.robot.look("head")
+    assert with_labels.labels is not None
+    assert (without.labels, dict(without.names)) == (None, {})
+    np.testing.assert_array_equal(without.depth, with_labels.depth)
+    np.testing.assert_array_equal(without.rgb, with_labels.rgb)
