@@ -7,6 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+MEASUREMENTS = "measurements.md"  # the page of docs/ that tells every run
+
 
 class Data(BaseModel):
     """Strict: a key that nobody reads is a mistake."""
@@ -47,10 +49,17 @@ class Run(Data):
 
 
 class Results(Data):
-    """What every data file has: the runs, and why there are several."""
+    """What every data file has.
+
+    Attributes:
+        runs: What made it.
+        mixed: Why runs of several commits or processors stand together.
+        name: Of the file, without its ending; set by who reads it.
+    """
 
     runs: Annotated[tuple[Run, ...], Field(min_length=1)]
     mixed: str = ""
+    name: str = ""
 
     @model_validator(mode="after")
     def _of_one_kind(self) -> Self:
@@ -61,17 +70,27 @@ class Results(Data):
         return self
 
     def source(self, of: Collection[int] | None = None) -> str:
-        """What made the figures, as the line below a table; commands that differ in nothing else share their origin.
+        """What made the figures, as the line below a table. What several runs were, the page of all measurements tells.
 
         Args:
             of: Places of the runs that the table is of; None: of all.
         """
         runs = [run for i, run in enumerate(self.runs) if of is None or i in of]
-        mixed = [f"**Of several runs: {self.mixed}.**"] if self.mixed and _kinds(runs) > 1 else []
+        if _kinds(runs) > 1:
+            commits = dict.fromkeys(run.commit for run in runs if run.commit)
+            dates = sorted({run.date for run in runs})
+            told = f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}, " if commits else "commits not recorded, "
+            told += f"{dates[0]} to {dates[-1]}" if len(dates) > 1 else dates[0]
+            return f"Of several runs: {self.mixed}; {told}; [commands and machines]({MEASUREMENTS}#{self.name})."
         typed: dict[str, list[str]] = {}
         for run in runs:
             typed.setdefault(run.where, []).append(run.typed)
-        return " ".join([*mixed, *(f"{'; '.join(commands)}; {where}." for where, commands in typed.items())])
+        return " ".join(f"{'; '.join(commands)}; {where}." for where, commands in typed.items())
+
+    @property
+    def several(self) -> bool:
+        """Whether the runs are of several commits or processors."""
+        return _kinds(self.runs) > 1
 
 
 def _kinds(runs: Iterable[Run]) -> int:

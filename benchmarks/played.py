@@ -4,6 +4,7 @@
 
     <!-- results: behavior50 tasks expert -->      q of each instance, and why units were given up
     <!-- results: behavior50 methods -->           mean q of each task and method, and the paper's
+    <!-- results: behavior50 summary -->           the last rows of `methods`: a row a method
     <!-- results: behavior50 parts behavior30 -->  how far each method came in that suite's tasks, and in the others
     <!-- results: behavior50 reasons -->           why units were given up where a goal was missed, of each method
     <!-- results: behavior50 answers -->           what the completion checker answered, and how often that was false
@@ -106,7 +107,7 @@ class Played(Results):
         """As Markdown.
 
         Args:
-            view: "methods", "reasons", "answers", "tasks METHOD" or "parts SUITE".
+            view: "methods", "summary", "reasons", "answers", "tasks METHOD" or "parts SUITE".
 
         Raises:
             UserError: There is no such view, method or suite.
@@ -118,14 +119,16 @@ class Played(Results):
             return f"{self._parts(name)}\n\n*{self.source()}*"
         if view == "methods":
             return f"{self._methods()}\n\n*{self.source()}*"
+        if view == "summary":
+            return f"{self._summary()}\n\n*{self.source()}*"
         if view == "reasons":
             return f"{self._reasons()}\n\n*{self.source()}*"
         if view == "answers":
             runs = {one.run for one in self.episodes if one.answers}
             return f"{self._answers()}\n\n*{self.source(runs)}*"
         raise UserError(
-            f"there is no view {view!r} of a suite; there are 'methods', 'reasons', 'answers', 'tasks METHOD', "
-            "'parts SUITE' and 'plot'"
+            f"there is no view {view!r} of a suite; there are 'methods', 'summary', 'reasons', 'answers', "
+            "'tasks METHOD', 'parts SUITE' and 'plot'"
         )
 
     def _tasks(self, method: str) -> str:
@@ -158,28 +161,45 @@ class Played(Results):
             cells = [_cell(tasks.get(task, [])) for tasks in each.values()]
             if any(cells):
                 rows.append([task, *(cell or "not played" for cell in cells)])
+        columns, tasks, starts = self._shared()
+        rows += [[head, *(column[head] for column in columns)] for head in columns[0] if any(c[head] for c in columns)]
+        note = f"The rows below the tasks are over the {starts} start states of {tasks} tasks that all played."
+        return f"{grid(['task', *(f'`{method}`' for method in self.methods)], rows)}\n\n{note}"
+
+    def _summary(self) -> str:
+        """Methods in rows, over the start states that all of them played."""
+        columns, tasks, starts = self._shared()
+        heads = [head for head in columns[0] if any(column[head] for column in columns)]
+        rows = [
+            [f"`{method}`", *(column[head] for head in heads)]
+            for method, column in zip(self.methods, columns, strict=True)
+        ]
+        titles = [head.strip("*") for head in heads]
+        return f"{grid(['method', *titles], rows)}\n\nOver {starts} start states of {tasks} tasks."
+
+    def _shared(self) -> tuple[list[dict[str, str]], int, int]:
+        """What is told of each method over the start states that all played; how many tasks and start states."""
+        each = {method: self.of(method) for method in self.methods}
         common = set.intersection(*({one.key[1:] for one in self.episodes if one.method == m} for m in self.methods))
         shared = [
             {t: kept for t, found in tasks.items() if (kept := [one for one in found if one.key[1:] in common])}
             for tasks in each.values()
         ]
         tasks = [task for task in self.tasks if task in shared[0]]
-        if tasks:
-            means = [estimate([_by_instance(found) for found in of.values()]) for of in shared]
-            rows.append(["**mean q**", *(f"**{found.mean:.2f}**" if found else "" for found in means)])
-            if all(found and found.low is not None for found in means):
-                rows.append(["95 % interval", *(f"{e.low:.2f} to {e.high:.2f}" for e in means if e)])
-            whole = [sum(one.q == 1.0 for found in of.values() for one in found) for of in shared]
-            rows.append([f"q = 1, of {len(common)}", *map(str, whole)])
-            rows += _compared(next(iter(self.methods)), shared)
-            theirs = [paper_mean(method, tasks) for method in self.methods]
-            if any(mean is not None for mean in theirs):
-                cells = ["" if mean is None else f"*{mean:.2f}*" for mean in theirs]
-                rows.append([f"*the paper's mean of these {len(tasks)}*", *cells])
-        note = (
-            f"The rows below the tasks are over the {len(common)} start states of {len(tasks)} tasks that all played."
-        )
-        return f"{grid(['task', *(f'`{method}`' for method in self.methods)], rows)}\n\n{note}"
+        columns: list[dict[str, str]] = []
+        for method, of in zip(self.methods, shared, strict=True):
+            mean = estimate([_by_instance(found) for found in of.values()]) if tasks else None
+            theirs = paper_mean(method, tasks) if tasks else None
+            higher, chance = _compared(shared[0], of) if of is not shared[0] and tasks else ("", "")
+            columns.append({
+                "**mean q**": f"**{mean.mean:.2f}**" if mean else "",
+                "95 % interval": f"{mean.low:.2f} to {mean.high:.2f}" if mean and mean.low is not None else "",
+                f"q = 1, of {len(common)}": str(sum(one.q == 1.0 for found in of.values() for one in found)) * bool(of),
+                f"higher, lower than `{next(iter(self.methods))}`": higher,
+                "chance of so great a difference": chance,
+                f"*the paper's mean of these {len(tasks)}*": "" if theirs is None else f"*{theirs:.2f}*",
+            })  # fmt: skip
+        return columns, len(tasks), len(common)
 
     def _parts(self, suite: str) -> str:
         """Two rows a method: of the tasks that are in a suite, and of the others."""
@@ -302,17 +322,11 @@ def _cell(episodes: Sequence[Episode]) -> str:
     return f"{np.mean(_by_instance(episodes)):.2f} ({sum(one.q == 1.0 for one in episodes)}/{len(episodes)})"
 
 
-def _compared(first: str, shared: Sequence[Mapping[str, Sequence[Episode]]]) -> list[list[str]]:
-    """Rows that compare every method with the first, over start states that all of them played."""
-    if len(shared) < 2:
-        return []
-    counts, chances = [""], [""]
-    for other in shared[1:]:
-        gaps = [_by_instance(other[task]) - _by_instance(found) for task, found in shared[0].items()]
-        every = np.concatenate(gaps)
-        counts.append(f"{(every > SAME_Q).sum()}, {(every < -SAME_Q).sum()}")
-        chances.append(f"{permutation_test(gaps).p:.2g}")
-    return [[f"higher, lower than `{first}`", *counts], ["chance of so great a difference", *chances]]
+def _compared(first: Mapping[str, Sequence[Episode]], other: Mapping[str, Sequence[Episode]]) -> tuple[str, str]:
+    """How often a method came further than the first one and how often less far, and the chance of that."""
+    gaps = [_by_instance(other[task]) - _by_instance(found) for task, found in first.items()]
+    every = np.concatenate(gaps)
+    return f"{(every > SAME_Q).sum()}, {(every < -SAME_Q).sum()}", f"{permutation_test(gaps).p:.2g}"
 
 
 def _told(found: Estimate | None) -> str:

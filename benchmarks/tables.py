@@ -23,7 +23,7 @@ import click
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
-from benchmarks.origin import Data, Results, grid
+from benchmarks.origin import Data, Results, Run, grid
 from benchmarks.played import Played
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.runs.report.statistics import estimate
@@ -142,7 +142,7 @@ def load(name: str) -> File:
     if not file.exists():
         raise UnknownName("results", name, [other.stem for other in RESULTS.glob("*.json")])
     try:
-        return FILE.validate_json(file.read_bytes())
+        return FILE.validate_json(file.read_bytes()).model_copy(update={"name": name})
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"][1:]))
@@ -189,14 +189,38 @@ def shown(block: re.Match[str], homes: Mapping[str, str]) -> str:
 
 
 def every_run(homes: Mapping[str, str]) -> str:
-    """What made each data file, the youngest first."""
+    """What made each data file, the youngest first; below, by name, the runs of those that have several."""
+    files = sorted(((load(name), page) for name, page in homes.items()), key=lambda pair: _age(pair[0]), reverse=True)
     rows = [
-        (run.date, name, [f"[{name}]({page})", f"`{run.command}`" + f" ({run.of})" * bool(run.of),
-         run.commit or "not recorded", run.date, run.processor or "not recorded"])
-        for name, page in homes.items() for run in load(name).runs
-    ]  # fmt: skip
-    rows.sort(key=lambda row: (row[0], row[1]), reverse=True)
-    return grid(["data", "command", "commit", "date", "processor"], [row for *_, row in rows])
+        [f"[{file.name}]({page})", f"[{len(file.runs)} runs](#{file.name})", *_between(file)]
+        if file.several
+        else [f"[{file.name}]({page})", "; ".join(run.typed for run in file.runs), *_told(file.runs[0])]
+        for file, page in files
+    ]
+    heads = ["command", "commit", "date", "processor"]
+    parts = [grid(["data", *heads], rows)]
+    for file, _ in files:
+        if file.several:
+            runs = grid(heads, [[run.typed, *_told(run)] for run in file.runs])
+            parts.append(f"## {file.name}\n\n{file.mixed[0].upper()}{file.mixed[1:]}.\n\n{runs}")
+    return "\n\n".join(parts)
+
+
+def _age(file: File) -> tuple[str, str]:
+    return max(run.date for run in file.runs), file.name
+
+
+def _told(run: Run) -> list[str]:
+    """Commit, date and processor with what else has a bearing."""
+    processor = "; ".join(filter(None, [run.processor or "not recorded", run.settings]))
+    return [run.commit or "not recorded", run.date, processor]
+
+
+def _between(file: File) -> list[str]:
+    """The same of a file of several runs, as far as it is short."""
+    commits = dict.fromkeys(run.commit or "not recorded" for run in file.runs)
+    dates = sorted({run.date for run in file.runs})
+    return [", ".join(commits), " to ".join(dict.fromkeys([dates[0], dates[-1]])), "of each run below"]
 
 
 @click.command()

@@ -104,10 +104,16 @@ def test_bad_data_end_in_a_line(clone: Path, data: object, words: str) -> None:
 
 
 def test_mixed_data_say_so(clone: Path) -> None:
-    """With a reason figures of several commits stand in one table, which repeats it."""
+    """With a reason figures of several commits stand in one table, which repeats it; one page tells each run."""
     put(clone, {**TABLE, "runs": [RUN, {**RUN, "commit": "fedcba9", "of": "b"}], "mixed": "b was slow"})
+    (clone / "docs" / "measurements.md").write_text(PAGE.replace("one -->", "every_run -->"))
     command(clone, "benchmarks.tables")
-    assert "Of several runs: b was slow." in (clone / "docs" / "page.md").read_text()
+    told = "Of several runs: b was slow; commits 0123abc, fedcba9, 2026-11-25; [commands and machines]"
+    assert f"{told}(measurements.md#one)." in (clone / "docs" / "page.md").read_text()
+    every = (clone / "docs" / "measurements.md").read_text()
+    assert "| [one](page.md) | [2 runs](#one) | 0123abc, fedcba9 | 2026-11-25 | of each run below |" in every
+    assert "## one\n\nB was slow." in every
+    assert "| b: `python -m benchmarks.x` | fedcba9 | 2026-11-25 | p |" in every
 
 
 def test_a_name_without_data_and_data_without_a_page_are_told(clone: Path) -> None:
@@ -183,6 +189,11 @@ def test_methods_are_compared_where_all_have_played(clone: Path) -> None:
     assert "| **mean q** | **1.00** | **0.50** |" in text
     assert "| higher, lower than `mpvi` | | 0, 1 |" in text
     assert "| chance of so great a difference | | 1 |" in text  # one pair tells nothing
+    (clone / "docs" / "page.md").write_text(PAGE.replace("one -->", "one summary -->"))
+    command(clone, "benchmarks.tables")
+    text = (clone / "docs" / "page.md").read_text()
+    assert "| `e2e` | **0.50** | 0 | 0, 1 | 1 |" in text
+    assert "Over 1 start states of 1 tasks." in text
     for bad, words in [
         ([*episodes, episodes[0]], "is there 2 times"),
         ([{**episodes[0], "run": 1}], "episodes[0] is of a run"),
