@@ -1,0 +1,1 @@
+"""Eyes: pictures to learn from, and how well a network sees in houses that it was not trained in."""

@@ -1,0 +1,1 @@
+"""Eyes that were learned: a network that cuts pictures into segments, its pictures and its training."""

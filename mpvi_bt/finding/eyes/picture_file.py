@@ -1,0 +1,123 @@
+"""Files of labeled pictures: what a network learns to see from."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.geometry.solids import Array
+
+_DEPTH_M = 0.00025  # a step of depth on file; 16.4 m is the farthest
+
+
+@dataclass(frozen=True, eq=False)
+class LabeledPicture:
+    """One picture, as the renderer labels it.
+
+    Attributes:
+        rgb: (H, W, 3) uint8.
+        depth: (H, W) float32 [m] along the optical axis, 0 = nothing seen; without noise.
+        labels: (H, W) uint8, 0 for background, else k for thing k, counted from 1.
+        kinds: Of the things, as `kind_of` names them.
+        drawn: How each thing was drawn, such as "catalogue" or "held_out_shape".
+        K: (3, 3) intrinsics [px].
+        T_world_camera: (4, 4) camera to world, optical frame.
+        camera: Its name: "head", or the side of a wrist.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    kinds: tuple[str, ...]
+    drawn: tuple[str, ...]
+    K: Array
+    T_world_camera: Array
+    camera: str
+
+
+def write_pictures(path: Path, pictures: Sequence[LabeledPicture]) -> None:
+    """Write pictures into one file, whole or not at all."""
+    arrays = {
+        "count": np.array([len(p.kinds) for p in pictures]),
+        "kinds": np.array([kind for p in pictures for kind in p.kinds], np.str_),
+        "drawn": np.array([drawn for p in pictures for drawn in p.drawn], np.str_),
+        "K": np.array([p.K for p in pictures]),
+        "T_world_camera": np.array([p.T_world_camera for p in pictures]),
+        "camera": np.array([p.camera for p in pictures], np.str_),
+    }
+    for k, picture in enumerate(pictures):
+        depth = np.rint(np.clip(picture.depth / _DEPTH_M, 0, 65535)).astype(np.uint16)
+        planes = [*np.moveaxis(picture.rgb, -1, 0), depth >> 8, depth & 255, picture.labels]
+        arrays[f"picture_{k}"] = np.stack([plane.astype(np.uint8) for plane in planes])
+    kept = io.BytesIO()
+    with zipfile.ZipFile(kept, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:  # higher ones take ten times longer
+        for name, array in arrays.items():
+            with file.open(f"{name}.npy", "w") as entry:
+                np.lib.format.write_array(entry, array, allow_pickle=False)
+    part = path.with_suffix(".part")
+    part.write_bytes(kept.getvalue())
+    part.replace(path)
+
+
+class PictureFile:
+    """The pictures of a file, each read when it is asked for.
+
+    Args:
+        path: Of the file.
+
+    Raises:
+        UserError: It cannot be read, or holds no pictures.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = np.load(path, allow_pickle=False)
+            self._K, self._T, self._camera = (self._file[name] for name in ("K", "T_world_camera", "camera"))
+            self._last = np.cumsum(self._file["count"]).tolist()
+            self._kinds, self._drawn = (self._file[name].tolist() for name in ("kinds", "drawn"))
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, AttributeError) as error:
+            raise UserError(f"{path}: is no file of pictures ({str(error).splitlines()[0][:100]})") from None
+
+    @property
+    def kinds(self) -> frozenset[str]:
+        """Of all things in them."""
+        return frozenset(self._kinds)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._last)
+
+    def __iter__(self) -> Iterator[LabeledPicture]:
+        """All, in their order."""
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, k: int) -> LabeledPicture:
+        """Picture `k`, counted from 0.
+
+        Raises:
+            UserError: It is damaged.
+        """
+        try:
+            planes = self._file[f"picture_{k}"]
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            raise UserError(f"{self._path}: picture {k} is damaged ({str(error)[:100]})") from None
+        things = slice(self._last[k - 1] if k else 0, self._last[k])
+        depth = planes[3].astype(np.float32) * np.float32(256 * _DEPTH_M) + planes[4] * np.float32(_DEPTH_M)
+        return LabeledPicture(
+            rgb=np.ascontiguousarray(np.moveaxis(planes[:3], 0, -1)),
+            depth=depth,
+            labels=planes[5],
+            kinds=tuple(self._kinds[things]),
+            drawn=tuple(self._drawn[things]),
+            K=self._K[k],
+            T_world_camera=self._T[k],
+            camera=str(self._camera[k]),
+        )
