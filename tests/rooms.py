@@ -34,7 +34,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("drawing", "btcpp"),
         ("trace", "ticking"),
     ),
-    "finding": (("perception", "shapes"), ("scene",), ("navigation",)),
+    "finding": (("perception", "shapes"), ("scene", "eyes"), ("navigation",)),
     "hands": (("robots", "behavior_robot", "stance"), ("motion", "learned"), ("skills",), ("policies",)),
     "house": (
         ("states",),

@@ -1,7 +1,7 @@
 """The networks, run in numpy, and the file of their weights.
 
-Convolutions are products of matrices by a BLAS, in single precision: loops as elsewhere in mpvi_bt would take ten times
-as long. So a picture is always seen alike on one machine, but on another processor a score may differ in its last digits.
+Convolutions are products of matrices by a BLAS, in single precision: loops as elsewhere in mpvi_bt would take far
+longer. So a picture is always seen alike on one machine, but on another processor scores may differ in the last digits.
 """
 
 from __future__ import annotations

@@ -6,9 +6,7 @@ nothing in particular.
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +16,13 @@ from scipy import ndimage
 
 from mpvi_bt.finding.eyes.crops import CROP_CHANNELS, CROP_PX, NUMBERS, Crops, crops_of
 from mpvi_bt.finding.eyes.inputs import inputs_of
-from mpvi_bt.finding.eyes.layers import COVERS, Layer, crop_layers, dense_layers
+from mpvi_bt.finding.eyes.layers import COVERS, crop_layers, dense_layers
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile
 from mpvi_bt.finding.eyes.tiles import cover_of, disturbed
-from mpvi_bt.finding.eyes.training import EyesTraining, _kept, _torch, folded
+from mpvi_bt.finding.eyes.training import EyesTraining, Look
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.geometry.solids import Array
 
 # All our choice.
-STEPS = 7_000
 _PICTURES = 4  # that are looked at anew in a step,
 _MOST = 10  # crops of one of them
 _POOL, _BATCH = 50_000, 128  # crops that are kept, and of them those in a step
@@ -35,64 +31,79 @@ _LEAST_PX = 10
 _NOTHING = 1  # crops of nothing in a picture
 _MOVED = 0.6  # of the outlines are a pixel or so off,
 _CUT = 0.15  # and of so many a part is missing
-_RATE, _DECAY = 2e-3, 1e-2
-_WARM_STEPS, _LEAST_RATE = 100, 0.01
-_AVERAGED = 0.998
 _SMOOTH = 0.02  # of labels
-_TOLD_STEPS = 100
+
+
+_FIRST_PICTURES = 160  # that are looked at before the first step
+_DROPPED = 0.1  # of the numbers before the last layer
+
+
+class SecondLook(Look):
+    """The second look in training.
+
+    Args:
+        kinds: Movable things; None: as in the pictures.
+        job: Whose training this is.
+    """
+
+    usual_steps = 7_000
+    rate, warm_steps = 2e-3, 100
+
+    def __init__(self, kinds: Sequence[str] | None, job: EyesTraining) -> None:
+        self._folder = job.folder
+        kinds = movable_kinds(job.folder) if kinds is None else kinds
+        super().__init__([*crop_layers(), *dense_layers(len(kinds))], kinds, job)
+        self._numbers = {kind: k for k, kind in enumerate(self.kinds)}
+        self._index: list[tuple[PictureFile, int]] = []
+        self._pool: _Pool | None = None
+
+    def refresh(self) -> None:
+        """Take in pictures that came meanwhile."""
+        files = [PictureFile(path) for path in sorted(self._folder.glob("*.npz"))]
+        self._index = [(file, k) for file in files for k in range(len(file))]
+
+    def forward(self, planes: Any, numbers: Any) -> Any:
+        """(n, kinds + 1) of planes (n, channels, CROP_PX, CROP_PX) and numbers (n, m)."""
+        functional = self.torch.nn.functional
+        x = planes
+        for layer in crop_layers():
+            x = self.run(layer, x)
+        inside = functional.avg_pool2d(planes[:, -1:], CROP_PX // x.shape[-1])
+        own = (x * inside).sum((2, 3)) / (inside.sum((2, 3)) + 1e-3)
+        y = self.torch.cat([own, x.mean((2, 3)), numbers], 1)[..., None, None]
+        first, last = dense_layers(len(self.kinds))
+        y = functional.dropout(self.run(first, y).relu(), _DROPPED, self.net.training)
+        return self.run(last, y)[..., 0, 0]
+
+    def loss(self, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+        """Of a drawn batch, and figures to tell."""
+        crops, due = self._batch(rng)
+        wanted = self.tensor(due)
+        with self.autocast():
+            told = self.forward(self.tensor(crops.planes).permute(0, 3, 1, 2), self.tensor(crops.numbers)).float()
+        loss = self.torch.nn.functional.cross_entropy(told, wanted, label_smoothing=_SMOOTH)
+        return loss, {"loss": loss.detach(), "right": (told.argmax(1) == wanted).float().mean()}
+
+    def _batch(self, rng: np.random.Generator) -> tuple[Crops, NDArray[np.int64]]:
+        if self._pool is None:
+            self.refresh()
+            self._pool = _Pool()
+        for _ in range(_PICTURES if len(self._pool) else _FIRST_PICTURES):
+            file, k = self._index[int(rng.integers(len(self._index)))]
+            self._pool.add(*_crops(file[k], self._numbers, rng))
+        return self._pool.draw(_BATCH, rng)
 
 
 def movable_kinds(folder: Path) -> tuple[str, ...]:
-    """Kinds of movable things in the pictures of a folder, sorted."""
+    """Kinds of movable things in the pictures of a folder, sorted.
+
+    Raises:
+        UserError: There are none, or a file cannot be read.
+    """
     kinds = {kind for path in sorted(folder.glob("*.npz")) for kind in PictureFile(path).kinds}
-    return tuple(sorted(kind for kind in kinds if COVERS[cover_of(kind)] == "movable"))
-
-
-def train_second_look(
-    job: EyesTraining, kept: Path, tell: Callable[[dict[str, Any]], None], until_s: float = math.inf
-) -> tuple[tuple[str, ...], dict[str, Array]]:
-    """Train the second look; its kinds and its weights. Arguments and errors are as of `train_eyes`."""
-    torch = _torch()
-    torch.set_num_threads(1)
-    torch.manual_seed(job.seed)
-    began = time.perf_counter()
-    state = _kept(torch, kept) if kept.exists() else None
-    kinds = tuple(state["kinds"]) if state is not None else movable_kinds(job.folder)
     if not kinds:
-        raise UserError(f"{job.folder}: there are no pictures; python -m benchmarks.eyes.pictures FOLDER makes some.")
-    numbers = {kind: k for k, kind in enumerate(kinds)}
-    trained = _SecondLook(torch, len(kinds), job)
-    sizes = {"seed": job.seed, "steps": job.steps}
-    if state is not None:
-        if state["sizes"] != sizes:
-            raise UserError(f"{kept}: is of another training, {state['sizes']}, not {sizes}; delete it to begin anew.")
-        job.curves[:] = state["curves"]
-        trained.restore(state)
-    sums: dict[str, float] = {}
-    rng, index, pool = np.random.default_rng([job.seed, trained.step]), _index(job.folder), _Pool()
-    while trained.step < job.steps and time.perf_counter() - began < until_s:
-        for _ in range(_PICTURES if len(pool) >= 4 * _BATCH else 40 * _PICTURES):
-            file, k = index[int(rng.integers(len(index)))]
-            pool.add(*_crops(file[k], numbers, rng))
-        for name, value in trained.learn(*pool.draw(_BATCH, rng)).items():
-            sums[name] = sums.get(name, 0.0) + value
-        if trained.step % _TOLD_STEPS == 0 or trained.step == job.steps:
-            row = {"step": trained.step, "of": job.steps, **{k: round(v / _TOLD_STEPS, 4) for k, v in sums.items()}}
-            row["seconds"] = round(time.perf_counter() - began, 1)
-            job.curves.append(row)
-            tell(row)
-            sums, index = {}, _index(job.folder)
-            rng = np.random.default_rng([job.seed, trained.step])
-            part = kept.with_suffix(".part")
-            torch.save({"sizes": sizes, "kinds": list(kinds), "curves": job.curves, **trained.save()}, part)
-            part.replace(kept)
-    return kinds, trained.weights()
-
-
-def _index(folder: Path) -> list[tuple[PictureFile, int]]:
-    """Every picture of a folder."""
-    files = [PictureFile(path) for path in sorted(folder.glob("*.npz"))]
-    return [(file, k) for file in files for k in range(len(file))]
+        raise UserError(f"{folder}: there are no pictures; python -m benchmarks.eyes.pictures FOLDER makes some.")
+    return tuple(sorted(kind for kind in kinds if COVERS[cover_of(kind)] == "movable"))
 
 
 class _Pool:
@@ -184,73 +195,3 @@ def _outlines(
             kinds.append(len(numbers))
             masks[part] = np.where(mask, len(kinds), masks[part])
     return masks, kinds
-
-
-class _SecondLook:
-    """The second look in training."""
-
-    def __init__(self, torch: Any, kinds: int, job: EyesTraining) -> None:
-        self.torch, self.kinds, self.count, self.device, self.step = torch, kinds, job.steps, job.device, 0
-        nn, parts = torch.nn, {}
-        for layer in [*crop_layers(), *dense_layers(kinds)]:
-            convolution = nn.Conv2d(
-                layer.into, layer.out, layer.size, layer.stride, layer.size // 2, bias=not layer.rectified
-            )
-            normal = [nn.BatchNorm2d(layer.out), nn.ReLU()] if layer.rectified else []
-            parts[layer.name.replace(".", "_")] = nn.Sequential(convolution, *normal)
-        self.net = nn.ModuleDict(parts).to(job.device, memory_format=torch.channels_last)
-        self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=_RATE, weight_decay=_DECAY, fused=True)
-        self.average = {k: v.clone() for k, v in self.net.state_dict().items()}
-
-    def run(self, layer: Layer, x: Any) -> Any:
-        y = self.net[layer.name.replace(".", "_")](x)
-        return x + y if layer.residual else y
-
-    def forward(self, planes: Any, numbers: Any) -> Any:
-        """(n, kinds + 1) of planes (n, channels, CROP_PX, CROP_PX) and numbers (n, m)."""
-        functional = self.torch.nn.functional
-        x = planes
-        for layer in crop_layers():
-            x = self.run(layer, x)
-        inside = functional.avg_pool2d(planes[:, -1:], CROP_PX // x.shape[-1])
-        own = (x * inside).sum((2, 3)) / (inside.sum((2, 3)) + 1e-3)
-        y = self.torch.cat([own, x.mean((2, 3)), numbers], 1)[..., None, None]
-        first, last = dense_layers(self.kinds)
-        return self.run(last, functional.dropout(self.run(first, y).relu(), 0.1, self.net.training))[..., 0, 0]
-
-    def learn(self, crops: Crops, due: NDArray[np.int64]) -> dict[str, float]:
-        """One step; the loss, and the share that was told right."""
-        torch = self.torch
-        fall = 0.5 * (1 + math.cos(math.pi * self.step / self.count)) * (1 - _LEAST_RATE) + _LEAST_RATE
-        for group in self.optimizer.param_groups:
-            group["lr"] = _RATE * min(1.0, (self.step + 1) / _WARM_STEPS) * fall
-        planes = torch.from_numpy(crops.planes).to(self.device).permute(0, 3, 1, 2)
-        wanted = torch.from_numpy(due).to(self.device)
-        with torch.autocast(torch.device(self.device).type, torch.bfloat16):
-            told = self.forward(planes, torch.from_numpy(crops.numbers).to(self.device)).float()
-        loss = torch.nn.functional.cross_entropy(told, wanted, label_smoothing=_SMOOTH)
-        self.optimizer.zero_grad()
-        loss.backward()
-        self.optimizer.step()
-        self.step += 1
-        keep = min(_AVERAGED, self.step / (self.step + 20))
-        for name, value in self.net.state_dict().items():
-            if value.dtype.is_floating_point:
-                self.average[name].mul_(keep).add_(value, alpha=1 - keep)
-            else:
-                self.average[name].copy_(value)
-        right = float((told.argmax(1) == wanted).float().mean())
-        return {"loss": float(loss.detach()), "right": right}
-
-    def save(self) -> dict[str, Any]:
-        return {"step": self.step, "net": self.net.state_dict(), "average": self.average,
-                "optimizer": self.optimizer.state_dict()}  # fmt: skip
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        self.step = state["step"]
-        self.average = {name: value.to(self.device) for name, value in state["average"].items()}
-        self.net.load_state_dict(state["net"])
-        self.optimizer.load_state_dict(state["optimizer"])
-
-    def weights(self) -> dict[str, Array]:
-        return folded(self.average, [*crop_layers(), *dense_layers(self.kinds)])
