@@ -9,19 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mpvi_bt.finding.eyes.calibration import calibrated, right_ones
 from mpvi_bt.finding.eyes.crops import CROP_CHANNELS, CROP_PX, NUMBERS, Crops, crops_of
 from mpvi_bt.finding.eyes.first_look_training import FirstLook
 from mpvi_bt.finding.eyes.grouping import movable_segments, sharpened, still_segments
 from mpvi_bt.finding.eyes.inputs import CHANNELS, inputs_of
 from mpvi_bt.finding.eyes.layers import CELL_PX, OFFSET_PX, crop_layers, dense_layers, layers
 from mpvi_bt.finding.eyes.network import EyesNetwork
-from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, write_pictures
+from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in, write_pictures
 from mpvi_bt.finding.eyes.second_look_training import SecondLook
 from mpvi_bt.finding.eyes.segmenter import LearnedSegmenter
 from mpvi_bt.finding.eyes.tiles import TILE, Tiles
 from mpvi_bt.finding.eyes.training import EyesTraining, Look, train_look
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.robot.protocol import CameraImage
+from tests.conftest import Shell
 
 K = np.array([[200.0, 0, 160], [0, 200, 120], [0, 0, 1]])
 DOWN = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.2], [0, 0, 0, 1]])  # level, 1.2 m up, looking along x
@@ -260,3 +262,41 @@ def test_a_training_that_was_stopped_goes_on(look: type[Look], folder: Path, tmp
     other = EyesTraining(folder, seed=2, steps=2)
     with pytest.raises(UserError, match="is of another training"):
         train_look(lambda kinds: look(kinds, other), other, tmp_path / "a.pt", told.append)
+
+
+def test_scores_are_calibrated(folder: Path) -> None:
+    """Calibration changes scores only, and is the same each time."""
+    plain = network()
+    pictures = pictures_in(folder)
+    told, again = (calibrated(plain, pictures) for _ in range(2))
+    assert told.calibration == again.calibration != plain.calibration
+    a, b = (LearnedSegmenter(eyes).segment(image()) for eyes in (plain, told))
+    assert (a.labels == b.labels).all()
+    assert a.kinds == b.kinds
+
+
+def test_a_segment_is_right_where_it_shares_half_with_its_thing() -> None:
+    """A segment on its thing is right, one of another kind or of less than half is not."""
+    seen = picture()
+    labels = np.where(seen.labels == 2, 1, 0).astype(np.int32)
+    labels[seen.labels == 3] = 2
+    labels[:120][labels[:120] == 2] = 0
+    assert right_ones(labels, ("can.n.01", "can.n.01"), seen).tolist() == [True, True]
+    assert right_ones(labels, ("cup.n.01", "can.n.01"), seen).tolist() == [False, True]
+    labels[:150][labels[:150] == 2] = 0
+    assert right_ones(labels, ("can.n.01", "can.n.01"), seen).tolist() == [True, False]
+
+
+def test_eyes_are_trained_by_a_command(mpvi: Shell, folder: Path, tmp_path: Path) -> None:
+    """`mpvi train eyes` writes weights that see, and says what is wrong with a folder."""
+    pytest.importorskip("torch")
+    out = tmp_path / "mine.npz"
+    steps = ("--first-steps", "1", "--second-steps", "1")
+    done = mpvi("train", "eyes", str(folder), "--check", str(folder), "--out", str(out), *steps, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "kinds of furniture" in done.stdout
+    assert LearnedSegmenter.load(out).segment(image()).labels.shape == (240, 320)
+    (tmp_path / "empty").mkdir()
+    failed = mpvi("train", "eyes", str(tmp_path / "empty"), "--check", str(folder), "--out", str(out))
+    assert failed.returncode != 0
+    assert "there are no pictures" in failed.stderr

@@ -1,8 +1,9 @@
-"""`mpvi train`: weights of the learned policy."""
+"""`mpvi train`: weights of the learned policy, and of learned eyes."""
 
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from mpvi_bt.executive.drawing.terminal import tell
 
 @click.group()
 def train() -> None:
-    """Make a policy of your own from demonstrations."""
+    """Make a policy of your own from demonstrations, or eyes from labeled pictures."""
 
 
 @train.command()
@@ -65,3 +66,57 @@ def learned(
         tell(json.dumps({"weights": str(out), "skills": about}))
         return
     tell(f"{out}: {', '.join(networks)}, {out.stat().st_size / 1e6:.1f} MB")
+
+
+@train.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--check", type=click.Path(exists=True, file_okay=False, path_type=Path), required=True,
+              help="Folder of other pictures, by which scores are made to mean what they say.")  # fmt: skip
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE.npz",
+              help="File for the weights; curves and progress are written beside it.")  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of everything random.")
+@click.option("--first-steps", type=click.IntRange(1), help="Training steps of the first network; fewer for a try.")
+@click.option("--second-steps", type=click.IntRange(1), help="Training steps of the second look; fewer for a try.")
+@click.option("--device", default="cpu", show_default=True, help="Device for torch, such as cuda.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: a summary of the training, as JSON.")
+def eyes(
+    folder: Path, check: Path, out: Path, seed: int, first_steps: int | None, second_steps: int | None, device: str,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Train eyes from the labeled pictures in FOLDER, as `python -m benchmarks.eyes.pictures` makes them.
+
+    What is interrupted goes on where it was when it is started again. The same pictures and seed make the same weights
+    on the CPU of one machine.
+    """
+    from mpvi_bt.ground.errors import UserError
+
+    if out.suffix != ".npz" or not out.parent.is_dir():
+        raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
+    import numpy as np
+
+    from mpvi_bt.finding.eyes.calibration import calibrated
+    from mpvi_bt.finding.eyes.first_look_training import FirstLook
+    from mpvi_bt.finding.eyes.network import EyesNetwork
+    from mpvi_bt.finding.eyes.picture_file import pictures_in
+    from mpvi_bt.finding.eyes.second_look_training import SecondLook
+    from mpvi_bt.finding.eyes.training import EyesTraining, train_look
+
+    looks, about = {}, {"pictures": len(pictures_in(folder)), "seed": seed}
+    for name, of, steps in (("first", FirstLook, first_steps), ("second", SecondLook, second_steps)):
+        job = EyesTraining(folder, seed, steps, device)
+
+        def note(row: dict[str, Any], name: str = name) -> None:
+            figures = ", ".join(f"{k} {v:g}" for k, v in row.items() if k not in ("step", "of"))
+            click.echo(f"{name} {row['step']}/{row['of']}: {figures}", err=True)
+
+        looks[name] = train_look(partial(of, job=job), job, out.with_suffix(f".{name}.pt"), note)
+        about[f"{name}_steps"] = looks[name].steps
+        out.with_suffix(f".{name}.json").write_text(json.dumps(job.curves, indent=1), encoding="utf-8")
+    weights = {name: w.astype(np.float32) for look in looks.values() for name, w in look.weights().items()}
+    untold = EyesNetwork(looks["first"].kinds, looks["second"].kinds, weights, (0.0,) * 8, about)
+    calibrated(untold, pictures_in(check)).save(out)
+    if as_json:
+        tell(json.dumps({"weights": str(out), "eyes": about}))
+        return
+    tell(f"{out}: {len(untold.still)} kinds of furniture, {len(untold.movable)} of things, "
+         f"{out.stat().st_size / 1e6:.1f} MB")  # fmt: skip

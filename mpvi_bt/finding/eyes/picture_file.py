@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,3 +122,31 @@ class PictureFile:
             T_world_camera=self._T[k],
             camera=str(self._camera[k]),
         )
+
+
+class _Pictures(Sequence[LabeledPicture]):
+    """Those of several files."""
+
+    def __init__(self, files: Sequence[PictureFile]) -> None:
+        self._index = [(file, k) for file in files for k in range(len(file))]
+
+    def __len__(self) -> int:
+        return len(self._index)
+
+    def __getitem__(self, k: Any) -> Any:
+        if isinstance(k, slice):
+            return [file[one] for file, one in self._index[k]]
+        file, one = self._index[k]
+        return file[one]
+
+
+def pictures_in(folder: Path) -> Sequence[LabeledPicture]:
+    """All pictures of all files of a folder, in the order of their names, each read when it is asked for.
+
+    Raises:
+        UserError: There are none, or a file cannot be read.
+    """
+    pictures = _Pictures([PictureFile(path) for path in sorted(folder.glob("*.npz"))])
+    if not pictures:
+        raise UserError(f"{folder}: there are no pictures; python -m benchmarks.eyes.pictures FOLDER makes some.")
+    return pictures

@@ -17,7 +17,7 @@ from scipy import ndimage
 from mpvi_bt.finding.eyes.crops import CROP_CHANNELS, CROP_PX, NUMBERS, Crops, crops_of
 from mpvi_bt.finding.eyes.inputs import inputs_of
 from mpvi_bt.finding.eyes.layers import COVERS, crop_layers, dense_layers
-from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile
+from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in
 from mpvi_bt.finding.eyes.tiles import cover_of, disturbed
 from mpvi_bt.finding.eyes.training import EyesTraining, Look
 from mpvi_bt.ground.errors import UserError
@@ -54,13 +54,12 @@ class SecondLook(Look):
         kinds = movable_kinds(job.folder) if kinds is None else kinds
         super().__init__([*crop_layers(), *dense_layers(len(kinds))], kinds, job)
         self._numbers = {kind: k for k, kind in enumerate(self.kinds)}
-        self._index: list[tuple[PictureFile, int]] = []
+        self._pictures: Sequence[LabeledPicture] = ()
         self._pool: _Pool | None = None
 
     def refresh(self) -> None:
         """Take in pictures that came meanwhile."""
-        files = [PictureFile(path) for path in sorted(self._folder.glob("*.npz"))]
-        self._index = [(file, k) for file in files for k in range(len(file))]
+        self._pictures = pictures_in(self._folder)
 
     def forward(self, planes: Any, numbers: Any) -> Any:
         """(n, kinds + 1) of planes (n, channels, CROP_PX, CROP_PX) and numbers (n, m)."""
@@ -89,8 +88,8 @@ class SecondLook(Look):
             self.refresh()
             self._pool = _Pool()
         for _ in range(_PICTURES if len(self._pool) else _FIRST_PICTURES):
-            file, k = self._index[int(rng.integers(len(self._index)))]
-            self._pool.add(*_crops(file[k], self._numbers, rng))
+            picture = self._pictures[int(rng.integers(len(self._pictures)))]
+            self._pool.add(*_crops(picture, self._numbers, rng))
         return self._pool.draw(_BATCH, rng)
 
 

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from mpvi_bt.finding.eyes.inputs import inputs_of
 from mpvi_bt.finding.eyes.layers import CELL_PX, COVERS, OFFSET_PX
-from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile
+from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in
 from mpvi_bt.finding.perception.detector import ROBOT
 from mpvi_bt.finding.perception.segments import FLOOR, FURNITURE
 from mpvi_bt.ground.compiled import compiled_later
-from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.depth_noise import DEPTH_NOISE
@@ -79,20 +78,17 @@ class Tiles:
     """
 
     def __init__(self, folder: Path, kinds: Sequence[str]) -> None:
-        self._files = [PictureFile(path) for path in sorted(folder.glob("*.npz"))]
-        self._index = [(file, k) for file in self._files for k in range(len(file))]
-        if not self._index:
-            raise UserError(f"{folder}: there are no pictures; python -m benchmarks.eyes.pictures FOLDER makes some.")
+        self._pictures = pictures_in(folder)
         self._numbers: Mapping[str, int] = {kind: k + 1 for k, kind in enumerate(kinds)}
 
     def __len__(self) -> int:
         """How many pictures there are."""
-        return len(self._index)
+        return len(self._pictures)
 
     def batch(self, count: int, rng: np.random.Generator) -> Tile:
         """So many tiles of drawn pictures."""
-        chosen = [self._index[int(k)] for k in rng.integers(len(self._index), size=count)]
-        tiles = [tile_of(file[k], self._numbers, rng) for file, k in chosen]
+        chosen = rng.integers(len(self), size=count).tolist()
+        tiles = [tile_of(self._pictures[k], self._numbers, rng) for k in chosen]
         return Tile(*(np.stack([getattr(tile, field.name) for tile in tiles]) for field in fields(Tile)))
 
 
