@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -249,7 +249,7 @@ def test_torch_and_numpy_see_alike() -> None:
 
 
 @pytest.mark.parametrize("look", [FirstLook, SecondLook])
-def test_a_training_that_was_stopped_goes_on(look: type[Look], folder: Path, tmp_path: Path) -> None:
+def test_a_training_that_was_stopped_goes_on(look: Callable[..., Look], folder: Path, tmp_path: Path) -> None:
     """Training goes on from what was kept, alike each time, and refuses what is of another training."""
     pytest.importorskip("torch")
     told: list[dict[str, object]] = []

@@ -69,7 +69,7 @@ def sharpened(cells: Labels, allowed: NDArray[np.bool_], depth: NDArray[np.float
 
 def _components_loops(
     kinds: Labels, depth: NDArray[np.float32], gap: float, gap_share: float, whole: Labels, out: Labels
-) -> list[int]:
+) -> list[np.int64]:
     """Number connected pixels of one kind in `out`, in the order of their first pixels; the kinds of the segments."""
     h, w = kinds.shape
     stack = np.empty(h * w, np.int64)

@@ -126,7 +126,7 @@ class LearnedSegmenter:
         return things, names, _numbers(things, len(names), chance[things], covers[..., MOVABLE])
 
 
-def _numbers(labels: Labels, count: int, chance: NDArray[np.float64], surely: Planes) -> NDArray[np.float64]:
+def _numbers(labels: Labels, count: int, chance: NDArray[np.floating], surely: Planes) -> NDArray[np.float64]:
     """(count, EVIDENCE) of segments, by how likely each pixel is of its kind and covered so."""
     flat = labels.ravel()
     area = np.bincount(flat, minlength=count + 1)[1 : count + 1].astype(float)
