@@ -17,7 +17,12 @@ import mpvi_bt
 PACKAGE = Path(mpvi_bt.__file__).parent
 # All but reports, which only tell, what writes the mesh of a thing into a file, once, and learned eyes, which see alike
 # on one machine only (docs/eyes.md).
-NOT_DECIDING = {"runs/report", "house/things/mesh_import.py", "house/things/mesh_parts.py", "finding/eyes/network.py"}
+NOT_DECIDING = {
+    "runs/report",
+    "house/things/mesh_import.py",
+    "house/things/mesh_parts.py",
+    "finding/eyes/eyes_network.py",
+}
 DECIDING = [
     path
     for path in sorted(PACKAGE.rglob("*.py"))

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpvi_bt.finding.eyes.calibration import calibrated, right_ones
 from mpvi_bt.finding.eyes.crops import CROP_CHANNELS, CROP_PX, NUMBERS, Crops, crops_of
+from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, OFFSET_PX, crop_layers, dense_layers, layers
+from mpvi_bt.finding.eyes.eyes_network import EyesNetwork
 from mpvi_bt.finding.eyes.first_look_training import FirstLook
 from mpvi_bt.finding.eyes.grouping import movable_segments, sharpened, still_segments
 from mpvi_bt.finding.eyes.inputs import CHANNELS, inputs_of
-from mpvi_bt.finding.eyes.layers import CELL_PX, OFFSET_PX, crop_layers, dense_layers, layers
-from mpvi_bt.finding.eyes.network import EyesNetwork
+from mpvi_bt.finding.eyes.look_training import EyesTraining, Look, train_look
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in, write_pictures
+from mpvi_bt.finding.eyes.score_calibration import calibrated, right_ones
 from mpvi_bt.finding.eyes.second_look_training import SecondLook
 from mpvi_bt.finding.eyes.segmenter import LearnedSegmenter
 from mpvi_bt.finding.eyes.tiles import TILE, Tiles
-from mpvi_bt.finding.eyes.training import EyesTraining, Look, train_look
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.robot.protocol import CameraImage
 from tests.conftest import Shell

@@ -38,7 +38,7 @@ ONLY_IN = {
     "py_trees": {"executive/behaviors", "executive/tree", "executive/ticking", "runs/recording"},
     "torch": {
         *("house/maniskill", "finding/perception/grounding_dino.py", "hands/learned/training.py"),
-        *("executive/remote/lerobot_policy.py", "finding/eyes/training.py"),
+        *("executive/remote/lerobot_policy.py", "finding/eyes/look_training.py"),
     },
     "lerobot": {"executive/remote/lerobot_policy.py"},
     "transformers": {"finding/perception/grounding_dino.py"},

@@ -94,12 +94,12 @@ def eyes(
         raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
     import numpy as np
 
-    from mpvi_bt.finding.eyes.calibration import calibrated
+    from mpvi_bt.finding.eyes.eyes_network import EyesNetwork
     from mpvi_bt.finding.eyes.first_look_training import FirstLook
-    from mpvi_bt.finding.eyes.network import EyesNetwork
+    from mpvi_bt.finding.eyes.look_training import EyesTraining, train_look
     from mpvi_bt.finding.eyes.picture_file import pictures_in
+    from mpvi_bt.finding.eyes.score_calibration import calibrated
     from mpvi_bt.finding.eyes.second_look_training import SecondLook
-    from mpvi_bt.finding.eyes.training import EyesTraining, train_look
 
     looks, about = {}, {"pictures": len(pictures_in(folder)), "seed": seed}
     for name, of, steps in (("first", FirstLook, first_steps), ("second", SecondLook, second_steps)):

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.finding.eyes.layers import CELL_PX, COVERS, answers, head, laterals, layers, smoothing, stages
+from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS, answers, head, laterals, layers, smoothing, stages
+from mpvi_bt.finding.eyes.look_training import EyesTraining, Look
 from mpvi_bt.finding.eyes.tiles import Tiles, still_kinds
-from mpvi_bt.finding.eyes.training import EyesTraining, Look
 
 # All our choice.
 _BATCH = 8

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS, OFFSET_PX
 from mpvi_bt.finding.eyes.inputs import Planes
-from mpvi_bt.finding.eyes.layers import CELL_PX, COVERS, OFFSET_PX
 from mpvi_bt.ground.compiled import compiled_later
 
 Labels = NDArray[np.int32]

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.finding.eyes.crops import CROP_CHANNELS, CROP_PX, NUMBERS, Crops, crops_of
+from mpvi_bt.finding.eyes.eyes_layers import COVERS, crop_layers, dense_layers
 from mpvi_bt.finding.eyes.inputs import inputs_of
-from mpvi_bt.finding.eyes.layers import COVERS, crop_layers, dense_layers
+from mpvi_bt.finding.eyes.look_training import EyesTraining, Look
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in
 from mpvi_bt.finding.eyes.tiles import cover_of, disturbed
-from mpvi_bt.finding.eyes.training import EyesTraining, Look
 from mpvi_bt.ground.errors import UserError
 
 # All our choice.

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.finding.eyes.crops import crops_of
+from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS
+from mpvi_bt.finding.eyes.eyes_network import EyesNetwork, softmax
 from mpvi_bt.finding.eyes.grouping import MOVABLE, Labels, movable_segments, sharpened, still_segments
 from mpvi_bt.finding.eyes.inputs import Planes, inputs_of
-from mpvi_bt.finding.eyes.layers import CELL_PX, COVERS
-from mpvi_bt.finding.eyes.network import EyesNetwork, softmax
 from mpvi_bt.finding.perception.detector import ROBOT
 from mpvi_bt.finding.perception.segments import FLOOR, Segments
 from mpvi_bt.ground.robot.protocol import CameraImage

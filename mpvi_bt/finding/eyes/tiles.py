@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS, OFFSET_PX
 from mpvi_bt.finding.eyes.inputs import inputs_of
-from mpvi_bt.finding.eyes.layers import CELL_PX, COVERS, OFFSET_PX
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in
 from mpvi_bt.finding.perception.detector import ROBOT
 from mpvi_bt.finding.perception.segments import FLOOR, FURNITURE

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.finding.eyes.crops import CROP_PX, Crops
-from mpvi_bt.finding.eyes.inputs import Planes
-from mpvi_bt.finding.eyes.layers import (
+from mpvi_bt.finding.eyes.eyes_layers import (
     CELL_PX,
     COVERS,
     MULTIPLE_PX,
@@ -32,6 +31,7 @@ from mpvi_bt.finding.eyes.layers import (
     smoothing,
     stages,
 )
+from mpvi_bt.finding.eyes.inputs import Planes
 from mpvi_bt.ground.errors import UserError
 
 

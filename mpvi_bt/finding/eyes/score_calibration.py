@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.finding.eyes.network import EyesNetwork
+from mpvi_bt.finding.eyes.eyes_network import EyesNetwork
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture
 from mpvi_bt.finding.eyes.segmenter import EVIDENCE, LearnedSegmenter
 from mpvi_bt.finding.eyes.tiles import disturbed

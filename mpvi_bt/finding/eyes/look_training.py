@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.finding.eyes.layers import CELL_PX, COVERS, Layer
+from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS, Layer
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.extras import install
 from mpvi_bt.ground.geometry.solids import Array
