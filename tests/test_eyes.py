@@ -17,8 +17,9 @@ from mpvi_bt.finding.eyes.grouping import movable_segments, sharpened, still_seg
 from mpvi_bt.finding.eyes.inputs import CHANNELS, inputs_of
 from mpvi_bt.finding.eyes.look_training import EyesTraining, Look, train_look
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in, write_pictures
-from mpvi_bt.finding.eyes.score_calibration import calibrated, right_ones
+from mpvi_bt.finding.eyes.score_calibration import calibrated
 from mpvi_bt.finding.eyes.second_look_training import SecondLook
+from mpvi_bt.finding.eyes.segment_overlaps import right_ones
 from mpvi_bt.finding.eyes.segmenter import LearnedSegmenter
 from mpvi_bt.finding.eyes.tiles import TILE, Tiles
 from mpvi_bt.ground.errors import UserError

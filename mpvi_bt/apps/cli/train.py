@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -96,13 +97,24 @@ def eyes(
 
     from mpvi_bt.finding.eyes.eyes_network import EyesNetwork
     from mpvi_bt.finding.eyes.first_look_training import FirstLook
-    from mpvi_bt.finding.eyes.look_training import EyesTraining, train_look
+    from mpvi_bt.finding.eyes.look_training import EyesTraining, Look, train_look
     from mpvi_bt.finding.eyes.picture_file import pictures_in
     from mpvi_bt.finding.eyes.score_calibration import calibrated
     from mpvi_bt.finding.eyes.second_look_training import SecondLook
+    from mpvi_bt.finding.eyes.segmenter import EVIDENCE
 
-    looks, about = {}, {"pictures": len(pictures_in(folder)), "seed": seed}
-    for name, of, steps in (("first", FirstLook, first_steps), ("second", SecondLook, second_steps)):
+    looks: dict[str, Look] = {}
+    about: dict[str, Any] = {"pictures": len(pictures_in(folder)), "seed": seed}
+
+    def network() -> EyesNetwork:
+        weights = {key: w.astype(np.float32) for look in looks.values() for key, w in look.weights().items()}
+        movable = looks["second"].kinds if "second" in looks else ()
+        return EyesNetwork(looks["first"].kinds, movable, weights, (0.0,) * (2 * EVIDENCE), about)
+
+    def second_look(kinds: Sequence[str] | None, job: EyesTraining) -> SecondLook:
+        return SecondLook(kinds, job, network())
+
+    for name, of, steps in (("first", FirstLook, first_steps), ("second", second_look, second_steps)):
         job = EyesTraining(folder, seed, steps, device)
 
         def note(row: dict[str, Any], name: str = name) -> None:
@@ -112,11 +124,10 @@ def eyes(
         looks[name] = train_look(partial(of, job=job), job, out.with_suffix(f".{name}.pt"), note)
         about[f"{name}_steps"] = looks[name].steps
         out.with_suffix(f".{name}.json").write_text(json.dumps(job.curves, indent=1), encoding="utf-8")
-    weights = {name: w.astype(np.float32) for look in looks.values() for name, w in look.weights().items()}
-    untold = EyesNetwork(looks["first"].kinds, looks["second"].kinds, weights, (0.0,) * 8, about)
-    calibrated(untold, pictures_in(check)).save(out)
+    made = calibrated(network(), pictures_in(check))
+    made.save(out)
     if as_json:
         tell(json.dumps({"weights": str(out), "eyes": about}))
         return
-    tell(f"{out}: {len(untold.still)} kinds of furniture, {len(untold.movable)} of things, "
+    tell(f"{out}: {len(made.still)} kinds of furniture, {len(made.movable)} of things, "
          f"{out.stat().st_size / 1e6:.1f} MB")  # fmt: skip

@@ -17,7 +17,11 @@ _STILL_GAP = (0.15, 0.06)  # neighbors of one kind whose depth differs by more [
 _MOVABLE_GAP = (0.04, 0.04)
 _CENTER = -1.2  # least logit of a center
 _SHARE = 0.12  # of connected movable pixels, the least that a center of its own gets
-_OWN_M = 0.03  # by how much a neighboring cell's depth has to be nearer to a pixel's than its own cell's
+_STILL_PX = 120  # what stays where it is and has fewer pixels goes to the segment that it borders on most
+_STILL_LEAST_PX = 24  # or is left out, if it is smaller than this and borders on none
+_WITHIN_PX, _WITHIN = 3000, 0.5  # one of fewer pixels, so much of whose border is with a larger one, is a part of that
+_FLUSH = (0.03, 0.03)  # if their depth differs by no more there [m, and part of it]
+_OWN = (0.08, 0.05)  # so far from its cell's depth [m, and part of it] a pixel may be of a neighboring cell
 
 
 def still_segments(kinds: Labels, depth: NDArray[np.float32], whole: Labels) -> tuple[Labels, Labels]:
@@ -31,9 +35,15 @@ def still_segments(kinds: Labels, depth: NDArray[np.float32], whole: Labels) -> 
     Returns:
         (H, W) segments, counted from 1, and (n,) their kinds.
     """
-    out = np.zeros(kinds.shape, np.int32)
-    found = _components(np.ascontiguousarray(kinds, np.int32), depth, *_STILL_GAP, np.asarray(whole, np.int32), out)
-    return out, np.asarray(found, np.int32)
+    parts = np.zeros(kinds.shape, np.int32)
+    kinds, whole = np.ascontiguousarray(kinds, np.int32), np.asarray(whole, np.int32)
+    found = np.asarray(_components(kinds, depth, *_STILL_GAP, whole, parts), np.int32)
+    number = np.zeros(len(found) + 1, np.int32)
+    _merge(parts, depth, np.isin(found, whole), number)
+    kept = np.unique(number)
+    place = np.zeros(len(found) + 1, np.int32)
+    place[kept] = np.arange(len(kept)) if kept[0] == 0 else np.arange(1, len(kept) + 1)
+    return place[number][parts], found[kept[kept > 0] - 1]
 
 
 def movable_segments(
@@ -55,7 +65,7 @@ def movable_segments(
 
 
 def sharpened(cells: Labels, allowed: NDArray[np.bool_], depth: NDArray[np.float32]) -> Labels:
-    """(H, W) the value of each pixel's cell, or of a neighboring cell whose depth is nearer to the pixel's.
+    """(H, W) the value of each pixel's cell, or of a neighboring cell whose depth is far nearer to the pixel's.
 
     Args:
         cells: (h, w) a value of each cell, 0 for none.
@@ -117,6 +127,61 @@ def _components_loops(
             if out[i, j] < 0:
                 out[i, j] = 0
     return found[1:]
+
+
+def _merge_loops(parts: Labels, depth: NDArray[np.float32], whole: NDArray[np.bool_], number: Labels) -> None:
+    """Give parts that are small or within others to those: where each goes, 0 for nowhere, into `number`."""
+    h, w = parts.shape
+    n = len(whole) + 1
+    area, around = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    border, flush = np.zeros((n, n), np.int32), np.zeros((n, n), np.int32)
+    for i in range(h):
+        for j in range(w):
+            a = parts[i, j]
+            area[a] += 1
+            for k in range(2):
+                if (k == 0 and i + 1 < h) or (k == 1 and j + 1 < w):
+                    b = parts[i + 1 - k, j + k]
+                    if a != b:
+                        d, e = depth[i, j], depth[i + 1 - k, j + k]
+                        level = abs(d - e) <= _FLUSH[0] + _FLUSH[1] * min(d, e)
+                        border[a, b] += 1
+                        border[b, a] += 1
+                        flush[a, b] += level
+                        flush[b, a] += level
+                        around[a] += 1
+                        around[b] += 1
+    for k in range(1, n):
+        number[k] = k
+    for k in np.argsort(area):
+        if k == 0 or whole[k - 1] or area[k] >= _WITHIN_PX:
+            continue
+        small = area[k] < _STILL_PX
+        best, one = 0, 0
+        for m in range(1, n):
+            if m == k or number[m] != m or whole[m - 1]:
+                continue
+            shared = border[k, m] if small else flush[k, m]
+            if shared > best and (small or (shared >= _WITHIN * around[k] and area[m] > area[k])):
+                best, one = shared, m
+        if one == 0:
+            if area[k] < _STILL_LEAST_PX:
+                number[k] = 0
+            continue
+        number[k] = one
+        area[one] += area[k]
+        around[one] += around[k] - 2 * border[k, one]
+        for m in range(1, n):
+            border[one, m] += border[k, m]
+            border[m, one] += border[m, k]
+            flush[one, m] += flush[k, m]
+            flush[m, one] += flush[m, k]
+        border[one, one] = flush[one, one] = 0
+    for k in range(1, n):
+        at = k
+        while number[at] != at and number[at] != 0:
+            at = number[at]
+        number[k] = number[at]
 
 
 def _split_loops(parts: Labels, count: int, near: Planes, way: Planes, out: Labels) -> int:
@@ -205,18 +270,22 @@ def _sharpen_loops(cells: Labels, allowed: NDArray[np.bool_], depth: NDArray[np.
             a, b = i // CELL_PX, j // CELL_PX
             c = min(max(a + (1 if i % CELL_PX >= CELL_PX // 2 else -1), 0), rows - 1)
             e = min(max(b + (1 if j % CELL_PX >= CELL_PX // 2 else -1), 0), columns - 1)
-            best, value = 1e9, 0
-            for k in range(4):
-                p, q = (a if k < 2 else c), (b if k % 2 == 0 else e)
-                if cells[p, q] == 0:
-                    continue
-                off = abs(deep[p, q] - depth[i, j]) if deep[p, q] > 0 and depth[i, j] > 0 else 1.0
-                off += 0.0 if k == 0 else _OWN_M
-                if off < best:
-                    best, value = off, cells[p, q]
+            value, best = cells[a, b], np.float32(1e9)
+            if deep[a, b] > 0 and depth[i, j] > 0:
+                best = abs(deep[a, b] - depth[i, j])
+            if value == 0 or (best < 1e8 and best > _OWN[0] + _OWN[1] * depth[i, j]):
+                best *= np.float32(0.5)
+                for k in range(1, 4):
+                    p, q = (a if k < 2 else c), (b if k % 2 == 0 else e)
+                    if cells[p, q] == 0:
+                        continue
+                    off = abs(deep[p, q] - depth[i, j]) if deep[p, q] > 0 and depth[i, j] > 0 else np.float32(1)
+                    if off < best:
+                        best, value = off, cells[p, q]
             out[i, j] = value
 
 
 _components = compiled_later(_components_loops)
+_merge = compiled_later(_merge_loops)
 _split = compiled_later(_split_loops)
 _sharpen = compiled_later(_sharpen_loops)

@@ -1,7 +1,7 @@
 """Trains the second look, which tells the kinds of movable things by crops, with torch.
 
-It learns from what the renderer labels, with outlines as inexact as those that it will be given, and from crops of
-nothing in particular.
+It learns from what the renderer labels, with inexact outlines, and from crops of nothing in particular; at the end also
+from the first network's outlines, among which some are of nothing.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from scipy import ndimage
 
 from mpvi_bt.finding.eyes.crops import CROP_CHANNELS, CROP_PX, NUMBERS, Crops, crops_of
 from mpvi_bt.finding.eyes.eyes_layers import COVERS, crop_layers, dense_layers
+from mpvi_bt.finding.eyes.eyes_network import Answers, EyesNetwork
+from mpvi_bt.finding.eyes.grouping import MOVABLE, movable_segments
 from mpvi_bt.finding.eyes.inputs import inputs_of
 from mpvi_bt.finding.eyes.look_training import EyesTraining, Look
 from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictures_in
+from mpvi_bt.finding.eyes.segment_overlaps import overlaps
 from mpvi_bt.finding.eyes.tiles import cover_of, disturbed
 from mpvi_bt.ground.errors import UserError
 
@@ -31,6 +34,8 @@ _LEAST_PX = 10
 _NOTHING = 1  # crops of nothing in a picture
 _MOVED = 0.6  # of the outlines are a pixel or so off,
 _CUT = 0.15  # and of so many a part is missing
+_FROM, _PREDICTED = 0.8, 0.4  # of the steps, and from then on of the pictures, that have the first network's outlines
+_ALIKE, _UNLIKE = 0.35, 0.15  # of the union: a segment that shares more with a thing is that, one of less is nothing
 _SMOOTH = 0.02  # of labels
 
 
@@ -44,13 +49,14 @@ class SecondLook(Look):
     Args:
         kinds: Movable things; None: as in the pictures.
         job: Whose training this is.
+        first: The first network, trained; None: all outlines are the renderer's.
     """
 
     usual_steps = 7_000
     rate, warm_steps = 2e-3, 100
 
-    def __init__(self, kinds: Sequence[str] | None, job: EyesTraining) -> None:
-        self._folder = job.folder
+    def __init__(self, kinds: Sequence[str] | None, job: EyesTraining, first: EyesNetwork | None = None) -> None:
+        self._folder, self._first = job.folder, first
         kinds = movable_kinds(job.folder) if kinds is None else kinds
         super().__init__([*crop_layers(), *dense_layers(len(kinds))], kinds, job)
         self._numbers = {kind: k for k, kind in enumerate(self.kinds)}
@@ -89,7 +95,8 @@ class SecondLook(Look):
             self._pool = _Pool()
         for _ in range(_PICTURES if len(self._pool) else _FIRST_PICTURES):
             picture = self._pictures[int(rng.integers(len(self._pictures)))]
-            self._pool.add(*_crops(picture, self._numbers, rng))
+            late = self.step >= _FROM * self.steps and rng.random() < _PREDICTED
+            self._pool.add(*_crops(picture, self._numbers, rng, self._first if late else None))
         return self._pool.draw(_BATCH, rng)
 
 
@@ -135,15 +142,32 @@ class _Pool:
 
 
 def _crops(
-    picture: LabeledPicture, numbers: Mapping[str, int], rng: np.random.Generator
+    picture: LabeledPicture, numbers: Mapping[str, int], rng: np.random.Generator, first: EyesNetwork | None
 ) -> tuple[Crops, NDArray[np.int64]]:
     """Crops of things in a picture, and the number of each one's kind."""
     h, w = picture.labels.shape
     seen = disturbed(picture, np.arange(h), np.arange(w), rng)
-    masks, kinds = _outlines(seen, numbers, rng)
     inputs = inputs_of(seen.rgb, seen.depth, seen.K, seen.T_world_camera)
+    masks, kinds = _outlines(seen, numbers, rng) if first is None else _predicted(seen, numbers, first.look(inputs))
     crops = crops_of(inputs, seen.depth, masks, len(kinds), seen.K, seen.T_world_camera)
     return crops, np.array(kinds, np.int64)
+
+
+def _predicted(
+    picture: LabeledPicture, numbers: Mapping[str, int], answers: Answers
+) -> tuple[NDArray[np.int32], list[int]]:
+    """As `_outlines`, those of the first network."""
+    things, count = movable_segments(answers.covers.argmax(-1) == MOVABLE, picture.depth, answers.near, answers.way)
+    shared = overlaps(things, count, picture.labels, len(picture.kinds))
+    place, kinds = np.zeros(count + 1, np.int32), []
+    for k in range(count):
+        best = int(shared[k].argmax()) if len(picture.kinds) else 0
+        most = float(shared[k, best]) if len(picture.kinds) else 0.0
+        number = numbers.get(picture.kinds[best], len(numbers)) if most > _ALIKE else len(numbers)
+        if most > _ALIKE or most < _UNLIKE:
+            kinds.append(number)
+            place[k + 1] = len(kinds)
+    return place[things], kinds
 
 
 def _outlines(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from mpvi_bt.finding.eyes.crops import crops_of
 from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS
@@ -22,6 +23,8 @@ SHIPPED = Path(__file__).with_name("weights.npz")
 _STILL, _ROBOT = COVERS.index("furniture"), COVERS.index("robot")
 _LEAST = 1e-4  # probabilities are kept so far from 0 and 1 where their odds are taken
 _USUAL_PX = 300.0
+_SMOOTH_CELLS = 5  # our choice: kinds of furniture are told by so many cells both ways
+_SMOOTH_PX = 3  # and what covers a pixel by so many pixels
 EVIDENCE = 4  # numbers of a segment that its score is made of
 
 
@@ -76,6 +79,7 @@ class LearnedSegmenter:
         inputs = inputs_of(image.rgb, depth, image.K, image.T_world_camera)
         answers = self._network.look(inputs)
         covers = softmax(answers.covers)
+        covers = ndimage.uniform_filter(covers, (_SMOOTH_PX, _SMOOTH_PX, 1), mode="nearest")
         cover = covers.argmax(-1)
         labels, kinds, numbers = self._still(answers.kinds, covers, cover, depth)
         things, told, more = self._movable(inputs, depth, covers, cover, answers.near, answers.way, image)
@@ -92,19 +96,18 @@ class LearnedSegmenter:
         shown = logits[..., 1:-1].copy()
         if robot >= 0:
             shown[..., robot] = -np.inf  # its pixels are told by what covers them
-        cells = shown.argmax(-1) + 1
+        chances = _smoothed(softmax(shown), cover == _STILL)
+        cells = chances.argmax(-1) + 1
         kinds = sharpened(cells.astype(np.int32), cover == _STILL, depth)
         if robot >= 0:
             kinds[cover == _ROBOT] = robot + 1
         labels, found = still_segments(kinds, depth, self._whole)
         names = [still[k - 1] for k in found.tolist()]
-        probability = softmax(shown)
-        chance = np.take_along_axis(probability, cells[..., None] - 1, -1)[..., 0]
-        large = chance.repeat(CELL_PX, 0).repeat(CELL_PX, 1)[: depth.shape[0], : depth.shape[1]]
+        chance = chances.max(-1).repeat(CELL_PX, 0).repeat(CELL_PX, 1)[: depth.shape[0], : depth.shape[1]]
         if robot >= 0:
-            large = np.where(cover == _ROBOT, covers[..., _ROBOT], large)
+            chance = np.where(cover == _ROBOT, covers[..., _ROBOT], chance)
         surely = covers[..., _STILL] + covers[..., _ROBOT]
-        return labels, names, _numbers(labels, len(names), large, surely)
+        return labels, names, _numbers(labels, len(names), chance, surely)
 
     def _movable(
         self, inputs: Planes, depth: NDArray[np.float32], covers: Planes, cover: NDArray[np.intp], near: Planes,
@@ -124,6 +127,17 @@ class LearnedSegmenter:
         chance = np.concatenate([[0.0], told[np.arange(len(best)), best]])
         names = [self._network.movable[k] for k in best.tolist()]
         return things, names, _numbers(things, len(names), chance[things], covers[..., MOVABLE])
+
+
+def _smoothed(chances: Planes, there: NDArray[np.bool_]) -> Planes:
+    """(h, w, kinds) means over the cells around, each counted by how much of it is there (H, W)."""
+    h, w = chances.shape[:2]
+    padded = np.zeros((h * CELL_PX, w * CELL_PX), np.float32)
+    padded[: there.shape[0], : there.shape[1]] = there
+    share = padded.reshape(h, CELL_PX, w, CELL_PX).mean((1, 3)) + np.float32(1e-3)
+    size = (_SMOOTH_CELLS, _SMOOTH_CELLS)
+    sums = ndimage.uniform_filter(chances * share[..., None], (*size, 1), mode="nearest")
+    return np.asarray(sums / ndimage.uniform_filter(share, size, mode="nearest")[..., None], np.float32)
 
 
 def _numbers(labels: Labels, count: int, chance: NDArray[np.floating], surely: Planes) -> NDArray[np.float64]:
