@@ -41,7 +41,7 @@ class Answers:
 
     Attributes:
         kinds: (h, w, kinds + 2) logits of background, of each kind that stays where it is, of movable things.
-        covers: (H, W, 4) logits of `COVERS`.
+        covers: (4, H, W) logits of `COVERS`.
         near: (h, w) logit of how near the center of a movable thing is.
         way: (h, w, 2) x and y to it, in `OFFSET_PX`.
     """
@@ -93,8 +93,8 @@ class EyesNetwork:
         cells = self._run(head(), y)[:, : -(-h // CELL_PX), : -(-w // CELL_PX)]
         kinds, covers, center = (self._run(layer, np.ascontiguousarray(cells))[0] for layer in answers(len(self.still)))
         a, b = covers.shape[:2]
-        covers = covers.reshape(a, b, CELL_PX, CELL_PX, len(COVERS)).transpose(0, 2, 1, 3, 4)
-        covers = covers.reshape(a * CELL_PX, b * CELL_PX, len(COVERS))[:h, :w]
+        covers = covers.reshape(a, b, CELL_PX, CELL_PX, len(COVERS)).transpose(4, 0, 2, 1, 3)
+        covers = covers.reshape(len(COVERS), a * CELL_PX, b * CELL_PX)[:, :h, :w]
         return Answers(kinds, covers, center[..., 0], center[..., 1:])
 
     def tell(self, crops: Crops) -> Planes:
@@ -169,10 +169,11 @@ def _read(kept: Mapping[str, NDArray[np.float16]], order: Iterable[Layer], path:
             yield name, array
 
 
-def softmax(logits: Planes) -> Planes:
-    """Probabilities of logits (..., n)."""
-    out = np.exp(logits - logits.max(-1, keepdims=True))
-    return np.asarray(out / out.sum(-1, keepdims=True), np.float32)
+def softmax(logits: Planes, axis: int = -1) -> Planes:
+    """Probabilities along an axis."""
+    out = np.exp(logits - logits.max(axis, keepdims=True))
+    out /= out.sum(axis, keepdims=True)
+    return np.asarray(out, np.float32)
 
 
 def _convolved(x: Planes, weight: Planes, bias: Planes, stride: int) -> Planes:

@@ -157,7 +157,7 @@ def _predicted(
     picture: LabeledPicture, numbers: Mapping[str, int], answers: Answers
 ) -> tuple[NDArray[np.int32], list[int]]:
     """As `_outlines`, those of the first network."""
-    things, count = movable_segments(answers.covers.argmax(-1) == MOVABLE, picture.depth, answers.near, answers.way)
+    things, count = movable_segments(answers.covers.argmax(0) == MOVABLE, picture.depth, answers.near, answers.way)
     shared = overlaps(things, count, picture.labels, len(picture.kinds))
     place, kinds = np.zeros(count + 1, np.int32), []
     for k in range(count):

@@ -78,9 +78,8 @@ class LearnedSegmenter:
         depth = np.ascontiguousarray(np.where(np.isfinite(image.depth), image.depth, 0), np.float32)
         inputs = inputs_of(image.rgb, depth, image.K, image.T_world_camera)
         answers = self._network.look(inputs)
-        covers = softmax(answers.covers)
-        covers = ndimage.uniform_filter(covers, (_SMOOTH_PX, _SMOOTH_PX, 1), mode="nearest")
-        cover = covers.argmax(-1)
+        covers = ndimage.uniform_filter(softmax(answers.covers, 0), (1, _SMOOTH_PX, _SMOOTH_PX), mode="nearest")
+        cover = covers.argmax(0)
         labels, kinds, numbers = self._still(answers.kinds, covers, cover, depth)
         things, told, more = self._movable(inputs, depth, covers, cover, answers.near, answers.way, image)
         labels = np.where(things > 0, things + len(kinds), labels).astype(np.int32)
@@ -105,8 +104,8 @@ class LearnedSegmenter:
         names = [still[k - 1] for k in found.tolist()]
         chance = chances.max(-1).repeat(CELL_PX, 0).repeat(CELL_PX, 1)[: depth.shape[0], : depth.shape[1]]
         if robot >= 0:
-            chance = np.where(cover == _ROBOT, covers[..., _ROBOT], chance)
-        surely = covers[..., _STILL] + covers[..., _ROBOT]
+            chance = np.where(cover == _ROBOT, covers[_ROBOT], chance)
+        surely = covers[_STILL] + covers[_ROBOT]
         return labels, names, _numbers(labels, len(names), chance, surely)
 
     def _movable(
@@ -126,7 +125,7 @@ class LearnedSegmenter:
         best, told = best[known], told[known]
         chance = np.concatenate([[0.0], told[np.arange(len(best)), best]])
         names = [self._network.movable[k] for k in best.tolist()]
-        return things, names, _numbers(things, len(names), chance[things], covers[..., MOVABLE])
+        return things, names, _numbers(things, len(names), chance[things], covers[MOVABLE])
 
 
 def _smoothed(chances: Planes, there: NDArray[np.bool_]) -> Planes:
