@@ -13,9 +13,9 @@ from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.skills import SkillCall, load_skills
 from mpvi_bt.finding.scene.scene import Scene
 from mpvi_bt.ground.geometry.solids import Array
-from mpvi_bt.ground.robot.motion import MotionFailure
+from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
-from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.motion.work import Words, Work
 from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from tests.serving import observation
 
@@ -106,6 +106,40 @@ def tried(prompt: str, outcomes: str) -> str:
     policy = Told(outcomes)
     done = _returned(policy.perform(cast("Work", None), prompt)) is not None
     return policy.objects + "." * done
+
+
+class Fails(ScriptedPolicy):
+    """Its one skill fails, after a step in which the robot stays as it is, its head turns, or a look is taken."""
+
+    def __init__(self, changes: str) -> None:
+        scene = SimpleNamespace(needs_looks=changes == "view", holding=lambda side: None, between=lambda: "box")
+        scene.see = lambda images, felt: None
+        super().__init__(cast("Scene", scene), load_skills())
+        self._motions = dict.fromkeys(self._motions, self._fail)
+        self._changes = changes
+
+    def _fail(self, work: Work, words: Words, tried: list[Array]) -> Actions:
+        if self._changes == "head":
+            work.motion.action[work.motion.layout.torso][3] += 0.01
+        yield from work.see("head")
+        yield work.motion.still()
+        if self._changes == "base pose":
+            tried.append(work.motion.felt.base_pose)
+        raise MotionFailure("no_stance", "shelf")
+
+    def _recover(self, work: Work) -> Actions:
+        yield work.motion.still()
+
+
+@pytest.mark.parametrize(("changes", "attempts"), [("nothing", 1), ("view", 2), ("head", 12), ("base pose", 12)])
+def test_an_attempt_that_changed_nothing_is_not_repeated_and_takes_time(changes: str, attempts: int) -> None:
+    """It would fail alike, and where planning takes long and no time passes no timeout would end that."""
+    policy = Fails(changes)
+    seen = observation("open the door")
+    steps = next(step for step in itertools.count() if policy.infer(seen) is None or policy.ended)
+    assert policy.attempts == attempts
+    assert steps >= CONTROL_HZ or changes in ("head", "base pose")
+    assert policy.note == "open: no_stance (shelf)"
 
 
 class Gives(ScriptedPolicy):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mpvi_bt.ground.geometry import kinematics as kin
-from mpvi_bt.ground.geometry.solids import Array, Solid, box
+from mpvi_bt.ground.geometry.solids import Array, Solid, box, pose
 from mpvi_bt.ground.robot.collision import Surroundings
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import Proprioception, Side
@@ -90,6 +91,35 @@ def test_who_bends_down_and_finds_no_level_way_straightens_up_with_what_is_held(
         work.motion.felt = felt()
     np.testing.assert_allclose(work.motion.torso[:3], R1.travel_torso[:3], atol=0.01)
     np.testing.assert_allclose(work.motion.hand("left")[2, :3], before[2, :3], atol=0.05)
+
+
+def test_what_found_no_way_home_is_asked_again_only_after_something_has_changed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The search takes seconds, and every recovery asks for it; its refusal names what is in the way."""
+    world = small_world({"can": placed("can_of_soda", -1.0, 0.5), "board": placed("chopping_board", -1.0, 1.0)})
+    scene, motion = TrueScene(world), reaching("left")
+    scene.holding = lambda side: "can" if side == "left" else None
+    low = np.array([0.2, 0.0, 0.0, 0.0])  # it may not rise: there is something right above the head
+    motion = Motion(replace(motion.felt, torso=low, arm={**R1.travel_arm, "left": motion.arm("left")}))
+    work = Work(scene, motion, np.random.default_rng(0))
+    world.place("can", work.hand("left"))
+    world.place("board", pose((0.0, 0.0, 1.32)))
+    walls = [box((-0.42, 0.0, 0.2), (0.1, 2.0, 0.4)), *(box((0.0, y, 0.2), (2.0, 0.1, 0.4)) for y in (-0.42, 0.42))]
+    monkeypatch.setattr(scene, "obstacles", lambda *_, **__: Surroundings([*walls, *scene.solids("board")]))
+    search, asked = carry._searched, []
+
+    def searched(*args: Any) -> Any:
+        asked.append(args)
+        return search(*args)
+
+    monkeypatch.setattr(carry, "_searched", searched)
+    for tilt, times in ((0.0, 1), (0.0, 1), (0.3, 2)):
+        play(motion, motion.stand(motion.bent(tilt=tilt)))
+        with pytest.raises(MotionFailure, match="no_carry") as failure:
+            play(motion, settle(work))
+        assert len(asked) == times
+        assert failure.value.evidence == "1 candidates: 1 in the way (board)"
 
 
 @pytest.mark.parametrize("ahead", [False, True])

@@ -164,8 +164,10 @@ def sweep(
         For each hand `samples` + 1 postures (7,), evenly spaced from the present one on, or None if an arm would have
         to leap or something would touch.
     """
+    if trunk_touching(body, torso, samples) is not None:  # what is cheap to refute comes first
+        return None
     arms = swing(body, torso, hands, samples)
-    return arms if arms is not None and swings_clear(body, torso, arms, samples) else None
+    return arms if arms is not None and touching(body, torso, arms, samples) is None else None
 
 
 def swing(
@@ -191,20 +193,30 @@ def swing(
     return out
 
 
-def swings_clear(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], samples: int = 12) -> bool:
-    """Whether the motion found by `swing` is free of collisions; it may not reduce a distance that is already small.
+def trunk_touching(body: Body, torso: Array, samples: int = 12) -> Body | None:
+    """The body where head or chest meet something while the torso moves to `torso`; None if they do not.
 
-    The trunk has to be clear at the end: head or chest may only leave what they touch.
+    They may leave what they touch, not come nearer, and have to be clear at the end.
+    """
+    least = np.minimum(body.trunk_gaps(), 0.0) - 1e-6
+    for u, now in _torsos(body, torso, samples):
+        moved = replace(body, torso=now)
+        if (moved.trunk_gaps() <= (least if u < 1.0 else 0.0)).any():
+            return moved
+    return None
+
+
+def touching(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], samples: int = 12) -> Body | None:
+    """The body where arms meet something in the motion found by `swing`; None if they do not.
+
+    They may not reduce a distance that is already small.
     """
     before = {s: min(_CORNERS_M if s in body.held else 0.0, body.distance(s, q)) - 1e-6 for s, q in body.arms.items()}
-    least = np.minimum(body.trunk_gaps(), 0.0) - 1e-6
-    for k, (u, now) in enumerate(_torsos(body, torso, samples), 1):
+    for k, (_, now) in enumerate(_torsos(body, torso, samples), 1):
         moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in arms.items()}})
-        if (moved.trunk_gaps() <= (least if u < 1.0 else 0.0)).any():
-            return False
         if any(moved.distance(s, q) <= before[s] for s, q in moved.arms.items()):
-            return False
-    return True
+            return moved
+    return None
 
 
 def _torsos(body: Body, torso: Array, samples: int) -> Iterator[tuple[float, Array]]:

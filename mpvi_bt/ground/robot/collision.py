@@ -200,6 +200,11 @@ class Body:
             out[some] = self._from_itself(side, p[some], hands[some], radii, own) > 0.0
         return out
 
+    def whole(self) -> tuple[Array, Array]:
+        """Centers (n, 3) in the base frame and radii (n,) of the spheres of trunk and arms, with what they hold."""
+        parts = [self._trunk, *((p[0], radii) for p, radii in (self.spheres(s, q) for s, q in self.arms.items()))]
+        return np.concatenate([p for p, _ in parts]), np.concatenate([radii for _, radii in parts])
+
     def trunk_gaps(self) -> Array:
         """(n,) how far the spheres about head, chest and the trunk's links keep from the surroundings [m]."""
         centers, radii = self._trunk

@@ -106,8 +106,8 @@ def close_in(
             with work.scene.trusting(remembering=True):  # the base goes where little is in view from here
                 underfoot = work.search(side, touched).obstacles
             with work.scene.trusting():
-                work.effort.failed.clear()
-                search = replace(search, obstacles=work.search(side, touched).obstacles, underfoot=underfoot)
+                trusted = work.search(side, touched).obstacles
+                search = replace(search, obstacles=trusted, underfoot=underfoot, trusting=True)
                 stance = find(search, looks > 0)
                 trusting = True
         if stance is None:

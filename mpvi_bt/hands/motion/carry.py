@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice, product
 
 import numpy as np
@@ -19,6 +20,7 @@ from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.stance.postures import TOUCH_M
+from mpvi_bt.hands.stance.refusals import Refusals, deepest
 from mpvi_bt.hands.stance.site import base_clear
 
 
@@ -41,6 +43,7 @@ class CarryParameters:
     height_m: float = 0.80  # height of a payload above the floor [m]
     clear_m: tuple[float, float] = (0.03, 0.0)  # clearances of a payload, the best first [m]
     checked: int = 25  # hand poses that are checked
+    straightened: int = 100  # hand poses from which the torso is checked to straighten up
     swung: int = 3  # hand poses that a long motion is planned for
 
 
@@ -91,11 +94,13 @@ def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Acti
         if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
             # a base that has come to stand against a wall does not fold by what it takes the wall to be
             with work.scene.trusting() if feeling else nullcontext():
-                path = _fold(work, side, without)
+                path = work.once(("fold", side, feeling, *sorted(without)), partial(_fold, work, side, without))
+            if path is None:
+                raise MotionFailure("no_fold")
             yield from work.motion.follow(side, path)
     arms = _homeward(work, straight, without)
     if arms is None and (held or not feeling):
-        raise MotionFailure("no_carry")
+        raise work.refused("no_carry", _way_home(work, straight, without)[1])
     yield from work.motion.stand(straight, arms)
 
 
@@ -130,14 +135,14 @@ def _draw_off(work: Work, side: Side) -> Actions:
             return
 
 
-def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
+def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array] | None:
     """A path home for an empty arm, well clear of the things `without` too if it can be: they stand loose."""
     now, home = work.motion.arm(side), work.motion.robot.travel_arm[side]
     for spared, margin in (((), _CARRY.fold_clear_m), ((), 0.0), (without, 0.0)):
         path = arm_motion.plan(work.body(spared), side, home, work.rng, margin, start=now)
         if path is not None:
             return path
-    raise MotionFailure("no_fold")
+    return None
 
 
 def upright(work: Work) -> Array:
@@ -152,26 +157,66 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
 
     What can stay where it is stays; of two things held the one in the lower hand, just picked up, moves first.
     """
-    body = work.body(without)
+    return _way_home(work, torso, without)[0]
+
+
+def _way_home(work: Work, torso: Array, without: Collection[str]) -> tuple[dict[Side, list[Array]] | None, Refusals]:
+    """As `_homeward`, with what ways there died of."""
+    return work.once(("home", torso.tobytes(), *sorted(without)), partial(_searched, work, torso, without))
+
+
+def _searched(work: Work, torso: Array, without: Collection[str]) -> tuple[dict[Side, list[Array]] | None, Refusals]:
+    body, base, refusals = work.body(without), work.base, Refusals()
+
+    def meets(met: Body) -> None:
+        refusals.add("in the way", lambda: deepest(met.around, *met.whole(), base))
+
+    if (met := arm_motion.trunk_touching(body, torso)) is not None:  # whatever the hands do
+        meets(met)
+        return None, refusals
+
+    def swept(hands: Mapping[Side, arm_motion.HandPath]) -> dict[Side, list[Array]] | None:
+        if (arms := arm_motion.swing(body, torso, hands)) is None:
+            refusals.add("arm cannot follow")
+        elif (met := arm_motion.touching(body, torso, arms)) is not None:
+            meets(met)
+        else:
+            return arms
+        return None
+
     hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held}
-    if (found := arm_motion.sweep(body, torso, hands)) is not None:
-        return found
+    if (found := swept(hands)) is not None:
+        return found, refusals
     sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
+    home = replace(body, torso=torso)
+    ends = {side: _ends(work, side, home) for side in sides}
     for margin, side in product(_CARRY.clear_m, sides):
-        now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso)
-        for T in _carries(work, side, body):
-            q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), side, work.motion.arm(side))
-            if q is None or not home.free(side, q, margin)[0]:
-                continue
-            for detour in _DETOURS:
-                path = arm_motion.glide(now, T, detour * [1, SIGN[side], 1])
-                found = arm_motion.sweep(body, torso, {**hands, side: path})
-                if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
-                    return found
-            checked += 1
-            if checked >= _CARRY.checked:
-                break
-    return None
+        poses, room = ends[side]
+        free = poses[room > margin]
+        refusals.add("no room for a hand", count=len(poses) - len(free))
+        refusals.add("not looked at", count=max(0, len(free) - _CARRY.checked))
+        for T, detour in product(free[: _CARRY.checked], _DETOURS):
+            found = swept({**hands, side: arm_motion.glide(work.motion.hand(side), T, detour * [1, SIGN[side], 1])})
+            if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
+                return found, refusals
+    return None, refusals
+
+
+def _ends(work: Work, side: Side, home: Body) -> tuple[Array, Array]:
+    """Poses (n, 4, 4) in the base frame to carry what `side` holds, the best first, and how clear (n,) it is there [m].
+
+    Those that the arm reaches from how it is now; -inf where it would meet the robot itself.
+    """
+    now, poses, postures = work.motion.arm(side), [], []
+    for T in _carries(work, side, home):
+        q = home.robot.nearest_posture(matmul(home.from_chest, T), side, now)
+        if q is not None:
+            poses.append(T)
+            postures.append(q)
+    if not poses:
+        return np.empty((0, 4, 4)), np.empty(0)
+    around, itself = home.clearance(side, np.stack(postures))
+    return np.stack(poses), np.where(itself > 0, around, -np.inf)
 
 
 def _swing_home(work: Work, without: Collection[str]) -> Actions:
@@ -185,16 +230,22 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
             return
         if held.laden:
             continue
-        body = work.body(without)
-        home = [matmul(kin.inverse(body.robot.chest(straight)), T) for T in _carries(work, side, body)]
-        ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
-        free = (q for q in ends if q is not None and body.free(side, q)[0])
-        free = (q for q in free if _straightens(work, body, side, q) is not None)
-        paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _CARRY.swung))
-        if (path := next((path for path in paths if path is not None), None)) is not None:
+        path = work.once(("swing", side, *sorted(without)), partial(_swung, work, side, without))
+        if path is not None:
             yield from work.motion.follow(side, path)
             arms = _straightens(work, work.body(without), side, work.motion.arm(side))
             yield from work.motion.stand(straight, arms or {})
+
+
+def _swung(work: Work, side: Side, without: Collection[str]) -> list[Array] | None:
+    """A path of an arm, by any way, to where its hand can be while the torso straightens up."""
+    body = work.body(without)
+    home = [matmul(kin.inverse(body.robot.chest(upright(work))), T) for T in _carries(work, side, body)]
+    ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
+    free = (q for q in ends if q is not None and body.free(side, q)[0])
+    free = (q for q in islice(free, _CARRY.straightened) if _straightens(work, body, side, q) is not None)
+    paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _CARRY.swung))
+    return next((path for path in paths if path is not None), None)
 
 
 def _straightens(work: Work, body: Body, side: Side, q: Array) -> dict[Side, list[Array]] | None:

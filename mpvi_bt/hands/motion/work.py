@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from mpvi_bt.hands.stance.effort import Effort
 from mpvi_bt.hands.stance.refusals import Refusals, deepest
 from mpvi_bt.hands.stance.stance_search import Search
 
+_Answer = TypeVar("_Answer")
 Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
 NEAR_M = 1.7  # our choice, an arm and a stride: solids farther from the robot than this do not matter to a skill
@@ -37,6 +39,8 @@ class Nearness:
 
     base_m: float = 0.2  # added radius of the base's spheres, which then reach into the floor [m]
     beside_m: float = 0.03  # a thing this close to a sphere is what it meets [m]
+    alike: int = 3  # decimals to which a robot that stands still is told the same [rad]
+    alike_base: int = 2  # decimals to which its base is felt to stand where it stood [m, rad]
     on_m: float = 0.03  # a thing on another one is at most this far above its top, or below its bottom [m]
 
 
@@ -63,6 +67,7 @@ class Work:
         meant: What phrases for where things go have named so far.
         grasped: How each hand was turned (3, 3) in the world when it last closed on something.
         studied: What was looked at closely last, and how base and arms stood then.
+        views: How often a look may have shown something new: the robot stood otherwise than at the one before.
     """
 
     scene: Scene
@@ -78,6 +83,26 @@ class Work:
     meant: dict[str, str] = field(default_factory=dict)
     grasped: dict[Side, Array] = field(default_factory=dict)
     studied: tuple[str | None, Array] | None = None
+    views: int = 0
+    _viewed: dict[tuple[str, ...], bytes] = field(default_factory=dict)
+    _answers: dict[Hashable, object] = field(default_factory=dict)
+    _answered: tuple[object, ...] | None = None
+
+    @property
+    def stands(self) -> bytes:
+        """How the robot stands: the same as long as it does not move."""
+        told = self.motion.action.copy()
+        self.motion.layout.set_velocity(told, 0.0)
+        at = np.concatenate([np.round(told, _WORK.alike), np.round(self.motion.felt.base_pose, _WORK.alike_base)])
+        return (at + 0.0).tobytes()  # no sign of a zero
+
+    def once(self, question: Hashable, search: Callable[[], _Answer]) -> _Answer:
+        """What a search finds. It is not repeated while the robot stands as it does and sees and holds nothing new."""
+        if self._answered != (now := (self.stands, self.views, self.in_hands())):
+            self._answers, self._answered = {}, now
+        if question not in self._answers:
+            self._answers[question] = search()
+        return cast("_Answer", self._answers[question])
 
     @property
     def base(self) -> Array:
@@ -96,7 +121,10 @@ class Work:
             yield self.motion.still()
             self.wanted = ()
             self.scene.see({c: self.images[c] for c in cameras}, self.motion.felt)
-            self.effort.failed.clear()  # there may be room where there seemed to be none
+            if self._viewed.get(cameras) != (now := self.stands):
+                self._viewed[cameras] = now
+                self.views += 1
+                self.effort.failed.clear()  # there may be room where there seemed to be none
 
     def middle(self, name: str) -> Array:
         """(3,) the middle of the box about a thing, in the world."""
@@ -233,7 +261,11 @@ class Work:
 
     def no_stance(self) -> MotionFailure:
         """That searches for a stance have found nothing since the attempt began, with what candidates died of."""
-        return MotionFailure("no_stance", self.refusals.told(self._named))
+        return self.refused("no_stance", self.refusals)
+
+    def refused(self, reason: str, refusals: Refusals) -> MotionFailure:
+        """That a search has found nothing, with what its candidates died of."""
+        return MotionFailure(reason, refusals.told(self._named))
 
     def no_free_spot(self, payload: str, place: str | None) -> MotionFailure:
         """That a payload has no room on, in or beside a place, or on the floor: its size, and what is there."""

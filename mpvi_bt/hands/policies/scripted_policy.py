@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +39,8 @@ class Persistence:
     idle_s: float = 3.5  # the same for a robot that only looks [s]; our choice
     past_rad: tuple[float, ...] = (0.4, -0.8, 0.4)  # turns of the base to look past the payload [rad]; our choice
     attempts: int = 4  # attempts at one skill; our choice
+    still: float = 1e-3  # a step that changes joints [rad] or speeds [m/s, rad/s] by less moves nothing; our choice
+    pause_s: float = 1.0  # what an attempt takes in which nothing moved [s]; a timeout has to end them; our choice
     rounds: int = 3  # attempts at a whole prompt; our choice
     shown: int = 3  # times that a filled container is held out to be seen; our choice
     checks: float = 300.0  # base poses that the searches for a prompt may check at the start; our choice
@@ -47,6 +49,7 @@ class Persistence:
 
 _PERSIST = Persistence()
 Performance = Generator[Array, None, SkillCall | None]
+_Vain = tuple[tuple[int, ...], str]  # how far it was when an attempt changed nothing, and why that failed
 # Backing off mends none of these.
 _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found", "no_mount")
 
@@ -97,6 +100,8 @@ class ScriptedPolicy:
         self._work: Work | None = None
         self.ended = self.gave_up = False
         self._actions: Actions = iter(())
+        self._moves = 0  # steps in which the robot was told to move, since it got the prompt
+        self._in_vain: dict[Hashable, _Vain] = {}  # by the words of a skill call
 
     def close(self) -> None:
         """Break off what is being done, while the world still tells what was taken."""
@@ -117,17 +122,18 @@ class ScriptedPolicy:
             meant = {} if self._scene.needs_looks else self._meant  # what is seen is numbered anew for each prompt
             effort = Effort(_PERSIST.checks)
             self._work = Work(self._scene, Motion(felt), rng, effort=effort, meant=meant, grasped=self._grasped)
-            self._actions = self._performed(self._work, self._prompt)
+            self._actions, self._moves, self._in_vain = self._performed(self._work, self._prompt), 0, {}
         work = self._work
         work.motion.felt = felt
         work.images = {camera: observation["images"][camera] for camera in work.wanted}  # more may have been sent
         work.effort.left += _PERSIST.earned
-        started = self._timer() if self._timer else 0.0
+        started, told = self._timer() if self._timer else 0.0, work.motion.action.copy()
         action = next(self._actions, None)
         if self._timer:
             self.planning_s += self._timer() - started
         if action is None:
             action = work.motion.still()
+        self._moves += bool(np.abs(action - told).max() > _PERSIST.still)
         return action[None]
 
     def _performed(self, work: Work, prompt: str) -> Actions:
@@ -253,10 +259,19 @@ class ScriptedPolicy:
         return any(e.name in held for e in self._scene.knowledge().find(phrase))
 
     def attempt(self, work: Work, call: SkillCall) -> Any:
-        """Try one skill several times from different places; yields actions, returns whether it succeeded."""
+        """Try one skill several times from different places; yields actions, returns whether it succeeded.
+
+        An attempt that changed nothing, neither the robot nor what it knows, is not repeated: it would fail alike.
+        """
         tried: list[Array] = []
         yield from come_out(work)
+        words = call.skill.name, *call.arguments.items()
         for _ in range(_PERSIST.attempts):
+            before = self._progress(work, tried)
+            vain, why = self._in_vain.get(words, (None, ""))
+            if before == vain:
+                self.note = why
+                return False
             self.attempts += 1
             try:
                 perform = self._motions.get(call.skill.name)
@@ -272,7 +287,14 @@ class ScriptedPolicy:
                 yield from self._recover(work)
                 if failure.reason == "missed":
                     return False
+                if self._progress(work, tried) == before:
+                    self._in_vain[words] = before, self.note
+                    yield from work.motion.wait(_PERSIST.pause_s)
         return False
+
+    def _progress(self, work: Work, tried: list[Array]) -> tuple[int, ...]:
+        """What tells one attempt from the next: moves, views, and base poses that were taken or found not to do."""
+        return self._moves, work.views, len(tried) + sum(map(len, work.effort.failed.values()))
 
     def _recover(self, work: Work) -> Actions:
         """After a failure: open a hand that holds nothing, get it clear, back off, fold; keep what both hands hold.

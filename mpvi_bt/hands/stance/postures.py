@@ -105,7 +105,7 @@ def stance_at(
             return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m), True
     if not len(rows):
         first = site.body(torsos[t[0]], site.around(base, touched=True), arms)
-        site.refusals.add("arm or trunk in the way", partial(_met, site, first, base, q[0]))
+        site.refusals.add("arm or trunk in the way", partial(_met, replace(first, arms={site.side: q[0]}), base))
     elif any(standing.values()):
         site.refusals.add("no path of the arm")
     else:
@@ -113,14 +113,9 @@ def stance_at(
     return None, len(rows) > 0
 
 
-def _met(site: Site, body: Body, base: Array, q: Array) -> Array:
-    """(4,) the sphere of the trunk, or else of the arm in posture q (7,), that meets something at a base pose (3,)."""
-    T, chest = kin.base(base), body.robot.chest(body.torso)
-    trunk = body.robot.hull.trunk
-    if not body.trunk_free():
-        return deepest(body.around, matmul(trunk[:, :3], chest[:3, :3].T) + chest[:3, 3], trunk[:, 3], T)
-    centers, radii = body.spheres(site.side, q)
-    return deepest(body.around, centers[0], radii, T)
+def _met(body: Body, base: Array) -> Array:
+    """(4,) the sphere of a body that meets something at a base pose (3,)."""
+    return deepest(body.around, *body.whole(), kin.base(base))
 
 
 def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array, touching: NDArray[np.bool_],

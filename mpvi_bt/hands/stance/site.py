@@ -102,6 +102,7 @@ class Site:
         effort: What it may take.
         underfoot: What is in the way of the base besides, in the world.
         refusals: What candidates are refused for.
+        trusting: Whether what no picture has shown counts as free.
     """
 
     motion: Motion
@@ -114,6 +115,7 @@ class Site:
     effort: Effort = field(default_factory=Effort)
     underfoot: Obstacles = field(default=NOTHING, kw_only=True)
     refusals: Refusals = field(default_factory=Refusals, kw_only=True)
+    trusting: bool = field(default=False, kw_only=True)
 
     @property
     def other(self) -> Side | None:
@@ -227,6 +229,8 @@ class Site:
                 not filled, as that may be on a slant.
         """
         body = self.body(self.motion.torso, around, arms)
+        if arm_motion.trunk_touching(body, torso, _MEANWHILE.more) is not None:  # whatever the hands do
+            return None
         now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
         stays = {s: arm_motion.stay(T) for s, T in now.items()}
         # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out, or on.
@@ -250,7 +254,7 @@ class Site:
             if key not in self._swung:
                 self._swung[key] = arm_motion.swing(body, torso, hands, samples)
             level = self._swung[key]
-            if level is not None and arm_motion.swings_clear(body, torso, level, samples):
+            if level is not None and arm_motion.touching(body, torso, level, samples) is None:
                 after = {**arms, **{s: q[-1] for s, q in level.items()}}
                 return Standing(replace(body, torso=torso, arms=after), level)
         return None

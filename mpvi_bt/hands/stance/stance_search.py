@@ -126,9 +126,10 @@ class Search(BaseSearch):
         return self.toward(bases)
 
     def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
-        """The same for searches for the same with the same hand, to the centimeter."""
+        """The same for searches for the same with the same hand, to the centimeter, that trust hidden space alike."""
         at = np.stack([options[k].waypoints[min(options[k].contact, len(options[k].waypoints) - 1)] for k in able])
-        return self.side.encode() + np.round(at[:, :3, 3] * 100).astype(int).tobytes()
+        trusting = b"trusting" if self.trusting else b""
+        return self.side.encode() + trusting + np.round(at[:, :3, 3] * 100).astype(int).tobytes()
 
     def _here(self, here: Array, options: Sequence[Option], able: Sequence[int]) -> Stance | None:
         """A stance whose arm takes its posture where the robot stands."""
