@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.finding.shapes.moving_parts import Door, moved, outward, panel
-from mpvi_bt.ground.geometry.solids import box
+from mpvi_bt.ground.geometry.solids import Array, box
 from mpvi_bt.ground.robot.motion import Motion, MotionFailure
 from mpvi_bt.hands.motion.door_views import seen_twice, stand_before, stand_before_open
 from mpvi_bt.hands.motion.work import Work
@@ -224,6 +224,25 @@ def test_a_course_search_ends_when_nothing_is_left_to_spend() -> None:
     found = search.start(pushes(R1.hand, door))
     assert found is not None
     assert search.effort.left < 100.0
+
+
+def test_a_course_search_goes_on_where_the_last_one_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What failed from where nothing has changed since fails again: other base poses are examined."""
+    begun: list[Array] = []
+
+    def fail(self: CourseSearch, base: Array, *rest: object) -> tuple[None, float]:
+        begun.append(base)
+        return None, 1.0
+
+    begin = CourseSearch._begin
+    monkeypatch.setattr(CourseSearch, "_begin", fail)
+    search, door = searching(Effort(100.0))
+    for times in (1, 2):
+        assert search.start(pushes(R1.hand, door)) is None
+        assert len({tuple(base) for base in begun}) == len(begun) == 24 * times
+    monkeypatch.setattr(CourseSearch, "_begin", begin)
+    search.effort.failed.clear()
+    assert search.start(pushes(R1.hand, door)) is not None
 
 
 def test_a_course_search_is_bounded() -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -56,6 +56,7 @@ class CourseParameters:
 
 _COURSE = CourseParameters()
 _BEEN = Alike(0.05, 0.2)  # our choice: a base pose fails, too, that is so near to one that failed
+_SAME = Alike(0.02, 0.05)  # our choice: base poses of two searches count as one that are no farther apart
 _ELBOW = 3  # index of its joint
 AROUND_M = 2.5  # our choice, an arm and the longest way of a base: obstacles farther from the robot matter to no course
 SHORT_M = 0.10  # our choice: a fist or fingertips wait that far before what they push: a look is off by centimeters
@@ -139,8 +140,12 @@ class CourseSearch(BaseSearch):
         """A good place to begin one of `courses` from, which lead the same thing along; None if there is none."""
         if not courses:
             return None
+        courses = [replace(c, hand=cache(c.hand), carry=cache(c.carry), moving=cache(c.moving)) for c in courses]
         focus = np.mean([c.touch[:2, 3] for c in courses], axis=0)
         bases = _bases(self.motion.felt.base_pose, focus, courses[0].heading, self.side)
+        before = self.effort.failed.setdefault(self._sought(courses), [])
+        for base in before:
+            bases = bases[_SAME.without(bases, base)]
         routes: dict[int, list[Array]] = {}
 
         def reached(k: int) -> bool:
@@ -159,7 +164,9 @@ class CourseSearch(BaseSearch):
                 found, effort = self._begin(bases[k], routes[k], courses, hold)
                 spent += effort
                 if found is not None:
+                    self.effort.failed.clear()
                     return found, spent
+            before.append(bases[k])
             return None, spent
 
         budget = SearchBudget(_COURSE.most_effort, self.effort)
@@ -168,10 +175,21 @@ class CourseSearch(BaseSearch):
             self.refusals.add("and more not looked at, as planning took too long")
         return start
 
+    def _sought(self, courses: Sequence[Course]) -> bytes:
+        """The same for searches for the same with the same hand, to the centimeter."""
+        at = np.stack([course.hand(x)[:3, 3] for course in courses for x in (0.0, 1.0)])
+        return self.side.encode() + np.round(at * 100).astype(int).tobytes() + np.round(courses[0].heading, 2).tobytes()
+
     def _then(self, course: Course, x: float, base: Array) -> Obstacles:
         """What is in the way as the course goes on, in the frame of a base that has gone along."""
-        solids = Surroundings([FLOOR, *self.stays, *course.moving(x)])
-        return Together([self.obstacles, solids]).seen_from(kin.base(course.base(x, base)))
+        if (course, x) not in self._as_it_goes_on:
+            solids = Surroundings([FLOOR, *self.stays, *course.moving(x)])
+            self._as_it_goes_on[course, x] = Together([self.obstacles, solids])
+        return self._as_it_goes_on[course, x].seen_from(kin.base(course.base(x, base)))
+
+    @cached_property
+    def _as_it_goes_on(self) -> dict[tuple[Course, float], Obstacles]:
+        return {}  # what is in the way in the world, by course and progress: the same from every base pose
 
     def _fits(self, course: Course, base: Array) -> bool:
         """Whether the base can stand there and go along."""
@@ -266,35 +284,41 @@ class CourseSearch(BaseSearch):
 
     def _along(self, body: Body, base: Array, course: Course, q: Array) -> Array | None:
         """The torso (4,) at the end of the course, if everything stays free and reachable on the way."""
-        ends = [body.torso]
-        if self.bendable:
-            trunk = body.robot.trunk
-            now = trunk.posture(body.torso)
-            every = body.robot.postures(_COURSE.pitches_rad, float(now[3]))
-            nearest = np.argsort(matmul(np.abs(every[:, :3] - now[:3]), [1.0, 0.0, _COURSE.pitch_weight]))
-            ends += list(trunk.joints(every[nearest]))
         xs = np.linspace(0, 1, (_COURSE.samples - 1) * _COURSE.between + 1)
         poses = [(float(x), matmul(kin.inverse(kin.base(base)), course.pulled(float(x)))) for x in xs]
-        for end in ends:
+        for end in [body.torso, *(self._bends(body, poses) if self.bendable else ())]:
             if self._goes_along(body, base, course, q, end, poses):
                 return np.asarray(end, float)
         return None
 
+    def _bends(self, body: Body, poses: Sequence[tuple[float, Array]]) -> Array:
+        """(m, 4) torsos to bend to during a course, the nearest first, if the arm reaches its middle and its end so."""
+        robot = body.robot
+        now = robot.trunk.posture(body.torso)
+        every = robot.postures(_COURSE.pitches_rad, float(now[3]))
+        ends = robot.trunk.joints(
+            every[np.argsort(matmul(np.abs(every[:, :3] - now[:3]), [1.0, 0.0, _COURSE.pitch_weight]))]
+        )
+        for x, T in (poses[len(poses) // 2], poses[-1]):
+            chests = robot.chest(body.torso + (ends - body.torso) * x)
+            reached, q = robot.arm_inverse(matmul(kin.inverse(chests), T), self.side, swivels=_COURSE.swivels)
+            ends = ends[np.unique(reached[q[:, _ELBOW] <= _COURSE.bent_rad])]
+        return ends
+
     def _goes_along(
         self, body: Body, base: Array, course: Course, q: Array, end: Array, poses: Sequence[tuple[float, Array]]
     ) -> bool:
-        postures = []
-        for x, T in poses:
+        for k, (x, T) in enumerate(poses):
             torso = body.torso + (end - body.torso) * x
             near = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), self.side, q)
             if near is None or np.abs(near - q).max() > _COURSE.leap_rad or near[_ELBOW] > _COURSE.bent_rad:
                 return False
             q = near
-            postures.append((x, torso, q))
-        for x, torso, q in postures[:: _COURSE.between]:
-            there = replace(body, torso=torso, around=self._then(course, x, base), arms={**body.arms, self.side: q})
-            if not (there.free(self.side, q, grasping=True)[0] and there.trunk_free() and self._idle_free(there)):
-                return False
+            if k % _COURSE.between == 0:
+                around = self._then(course, x, base)
+                there = replace(body, torso=torso, around=around, arms={**body.arms, self.side: q})
+                if not (there.free(self.side, q, grasping=True)[0] and there.trunk_free() and self._idle_free(there)):
+                    return False
         return True
 
     def _idle_free(self, body: Body) -> bool:
