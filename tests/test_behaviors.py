@@ -314,6 +314,35 @@ def test_the_skill_says_whose_picture_is_shown(skill: str | None, event: Trigger
     assert bench.context.log.queries[0].camera == camera
 
 
+@pytest.mark.parametrize(
+    ("skill", "answers", "cameras"),
+    [
+        ("place_in", (False, True), ["head", "left"]),  # the wrist saw it fall in
+        ("place_in", (True,), ["head"]),
+        ("place_in", (False, False, False, True), ["head", "left", "head", "head"]),  # asked about it but once
+        ("place_on", (False, True), ["head", "head"]),
+    ],
+)
+def test_a_no_is_followed_by_the_picture_of_the_release(
+    skill: str, answers: tuple[bool, ...], cameras: list[str]
+) -> None:
+    """That of the hand's own camera, of the step in which it let go; where the skill names it as a witness."""
+    bench = Bench(f"check_complete: {HELD}\nskill: {skill}", {HELD: answers})
+    looked: list[str] = []
+    look, triggers, steps = bench.world.robot.look, bench.context.triggers, iter(range(100))
+
+    def update() -> TriggerEvent | None:
+        step = next(steps)
+        triggers.released = "left" if step == 2 else None  # type: ignore[attr-defined]
+        return TriggerEvent("release", "left") if step >= 5 else None
+
+    triggers.update = update  # type: ignore[method-assign]
+    bench.world.robot.look = lambda camera: (looked.append(camera), look(camera))[1]  # type: ignore[method-assign, func-returns-value]
+    assert bench.run() == Status.SUCCESS
+    assert [query.camera for query in bench.context.log.queries] == cameras
+    assert looked[0] == ("left" if skill == "place_in" else "head")
+
+
 def test_only_the_skills_events_are_watched() -> None:
     """The triggers are reset to the kinds of the last segment's skill, or to all."""
     pick = {"grasp": None, "idle": None}

@@ -109,6 +109,21 @@ def test_a_hand_that_pauses_half_way_without_being_told_to_close_has_no_grasp() 
     assert go(hands, triggers, 0.5, to_m=0.05, command=0.0) + go(hands, triggers, 3.0) == []
 
 
+def test_a_release_is_noticed_before_the_arm_moves_away() -> None:
+    """In one step, while the hand is where it let go; the event follows when the arms rest."""
+    hands = Hands()
+    triggers = grips(hands)
+    grasp(hands, triggers)
+    noticed: list[Side | None] = []
+    update = triggers.update
+    triggers.update = lambda: (update(), noticed.append(triggers.released))[0]  # type: ignore[method-assign, func-returns-value]
+    assert go(hands, triggers, 0.3, to_m=0.1, command=1.0) + go(hands, triggers, 0.5) == []
+    assert [side for side in noticed if side] == ["right"]
+    noticed.clear()
+    assert go(hands, triggers, 0.5, joint_speed=0.4) + go(hands, triggers, 3.0) == [TriggerEvent("release", "right")]
+    assert set(noticed) == {None}
+
+
 @pytest.mark.parametrize("width_m", [0.02, 0.06, 0.088])
 def test_letting_go_after_a_grasp_fires_a_release(width_m: float) -> None:
     """Even of a thing so wide that the hand has little left to open."""

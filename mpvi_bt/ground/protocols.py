@@ -198,7 +198,10 @@ class TriggerEvent:
 
 
 class Triggers(Protocol):
-    """Watches proprioception for the end of a manipulation primitive."""
+    """Watches proprioception for the end of a manipulation primitive.
+
+    Those that notice a release before they report it may have `released`: the hand that has let go in this step.
+    """
 
     def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
         """Begin anew.

@@ -14,7 +14,7 @@ from mpvi_bt.executive.behaviors.question import Question
 from mpvi_bt.executive.behaviors.saved_state import count
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.protocols import Judgement, TriggerEvent
-from mpvi_bt.ground.robot.protocol import CameraImage, other
+from mpvi_bt.ground.robot.protocol import CameraImage, Side, other
 from mpvi_bt.ground.robot.robots import robot_named
 
 
@@ -28,6 +28,9 @@ class CheckComplete(Leaf):
     One question is open at a time. Of the events that fire meanwhile the last one is kept: after a no it asks at once,
     with a picture of that moment, as things have changed since the one that was judged; after a yes it is of no more
     interest (Our choice). Whoever interrupts the check drops the question; a resumed run asks it anew.
+
+    Where the skill names a witness, the wrist's picture of the moment of a release is kept, and the checker is asked
+    about it once, after a no to the other picture. A run that is resumed between the two has lost it.
 
     Args:
         name: In the tree.
@@ -43,6 +46,8 @@ class CheckComplete(Leaf):
         super().__init__(name)
         self.criterion, self.skill, self.at_once = criterion, skill, at_once
         self._cameras: dict[str, str] = {"grasp": "hand"}
+        self._witnessed: set[str] = set()  # kinds of events
+        self._kept: CameraImage | None = None  # of the moment in which a hand let go
         self._kinds: Mapping[str, float | None] | None = None
         self._asked_about = criterion
         self._asked = 0
@@ -58,6 +63,7 @@ class CheckComplete(Leaf):
                 raise UnknownName("skill", self.skill, skills, self.path)
             triggers = skills[self.skill].triggers
             self._cameras = {t.event: t.camera for t in triggers}
+            self._witnessed = {t.event for t in triggers if t.witness}
             self._kinds = {t.event: t.refractory_s for t in triggers}
 
     def initialise(self) -> None:
@@ -65,6 +71,7 @@ class CheckComplete(Leaf):
         super().initialise()
         self._asked_about = self.resolve(self.criterion)
         self.context.triggers.reset(self._kinds)
+        self._kept = None
         if self.at_once:
             self._due = TriggerEvent("asked", None)
 
@@ -73,12 +80,13 @@ class CheckComplete(Leaf):
         if not self.at_once:
             with self.context.stopwatch("triggers"):
                 event = self.context.triggers.update()
+            self._keep()
             if event is not None:
                 self._due = event
         if self._open is None and self._due is not None:
-            self._ask(self._due)
+            self._ask(self._due, self._look(self._camera(self._due)))
             self._due = None
-        said = self._answer(*self._open) if self._open is not None else None
+        said = self._said()
         if said is not None and said.complete:
             return Status.SUCCESS
         if self.at_once and said is not None:
@@ -122,14 +130,23 @@ class CheckComplete(Leaf):
         camera = event.side if wanted == "hand" else other(event.side)
         return camera if camera in robot_named(self.context.robot.proprioception().robot).cameras else "head"
 
-    def _ask(self, event: TriggerEvent) -> None:
+    def _look(self, camera: str) -> CameraImage | None:
+        """That camera's picture, for a checker that looks at one."""
+        if not self.context.checker.needs_image:
+            return None
+        with self.context.stopwatch("rendering"):
+            return self.context.robot.look(camera)
+
+    def _keep(self) -> None:
+        """Keep the picture of a hand that has let go in this step, where the skill says so."""
+        side: Side | None = getattr(self.context.triggers, "released", None)
+        if side is None or "release" not in self._witnessed:
+            return
+        if side in robot_named(self.context.robot.proprioception().robot).cameras:
+            self._kept = self._look(side)
+
+    def _ask(self, event: TriggerEvent, image: CameraImage | None) -> None:
         context, checker = self.context, self.context.checker
-        camera: str | None = None
-        image: CameraImage | None = None
-        if checker.needs_image:
-            camera = self._camera(event)
-            with context.stopwatch("rendering"):
-                image = context.robot.look(camera)
         with context.stopwatch("checker"):
             question = Question(
                 partial(checker.check, self._asked_about, image),
@@ -137,10 +154,22 @@ class CheckComplete(Leaf):
                 lambda judgement: judgement.latency_s,
                 at_once=not getattr(checker, "remote", False),
             )
-        self._open = event, camera, question
+        self._open = event, None if image is None else image.camera, question
         self._asked += 1
         self.feedback_message = f"asked {self._asked}: no answer yet"
         context.asking.add(question)
+
+    def _said(self) -> Query | None:
+        """The answer to the open question, once it is there; after a no to a release, that of the kept picture."""
+        if self._open is None:
+            return None
+        event, *_ = self._open
+        said = self._answer(*self._open)
+        if said is None or said.complete or event.kind != "release" or self._kept is None:
+            return said
+        self._ask(event, self._kept)
+        self._kept = None
+        return self._answer(*self._open)
 
     def _answer(self, event: TriggerEvent, camera: str | None, question: Question[Judgement]) -> Query | None:
         """The question with its answer, once that is there."""

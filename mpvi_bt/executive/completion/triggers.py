@@ -37,6 +37,7 @@ class Thresholds:
     held_m: float = 0.003  # a hand this much wider than its command has something between its fingers [m]
     empty_m: float = 0.0015  # a hand this close to its command has nothing; in between, the last state is kept [m]
     opened_m: float = 0.015  # how much wider than its grasp a hand must get to have let go [m]
+    fall_s: float = 0.25  # time for what was let go to fall by 0.3 m [s]
     full_m: float = 0.095  # or how wide at all, with a thing nearly as wide as the hand opens [m]
     arm_still_rad_s: float = 0.05  # the arms are at rest while every joint is slower; for "rest", base [m/s] and torso
     moved_rad: float = 0.3  # how far a joint of an arm must turn after a rest for the next one to be an event [rad]
@@ -78,6 +79,10 @@ class ProprioceptiveTriggers:
     before one: a policy that is planning stands still as well, and another can may be in the bin already.
 
     Of several simultaneous events the first of this list fires.
+
+    Attributes:
+        released: The hand that has let go `fall_s` before this step; None in all other steps. What it held has fallen,
+            and it is where it let go, or near. The event follows when the arms have come to rest.
     """
 
     def __init__(self, robot: Robot, thresholds: Thresholds | None = None) -> None:
@@ -109,6 +114,7 @@ class ProprioceptiveTriggers:
         self._press = _Press(self.thresholds, body) if "release" in self._apart else None
         self._drive = _BaseArrival(self.thresholds)
         self._idle: list[Side | None] = []  # whose it is still to be told of
+        self.released: Side | None = None
 
     def update(self) -> TriggerEvent | None:
         """Read proprioception once a step; the event that fires now, if any.
@@ -117,8 +123,11 @@ class ProprioceptiveTriggers:
         """
         body = self._robot.proprioception()
         moving = self._arms_move(body)
-        for hand in self._hands.values():
+        self.released = None
+        for side, hand in self._hands.items():
             hand.feel(body, moving)
+            if hand.opened == _steps(self.thresholds.fall_s):
+                self.released = side
             if "stop" in self._apart:
                 hand.feel_way(body)
         steady = all(hand.steady for hand in self._hands.values())
@@ -189,6 +198,7 @@ class _Hand:
         self._news: Literal["grasp", "release"] | None = None
         self._armed = False
         self._way: _Way | None = None  # of what it took hold of since
+        self.opened = 0  # steps since it let go of what it held
 
     def feel(self, body: Proprioception, moving: bool) -> None:
         """Take in one step; `moving` says whether an arm moves."""
@@ -201,23 +211,30 @@ class _Hand:
         self._since_event += 1
         if moving:
             self._armed = True
-        if not self.steady:
-            return
         told_m = _told_m(body, self._side)
         grips = self._width > told_m + t.held_m
+        if self.opened or (self._grasp_width is not None and self._opens(grips)):
+            self.opened = 0 if grips else self.opened + 1
+        if not self.steady:
+            return
         if self._grasp_width is None:
             if grips:
                 self._grasp_width = self._width
                 self._way = _Way(self._t)
                 self._report("grasp")
         else:
-            let_go = not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m)
+            let_go = self._opens(grips)
             # One that begins to open is told, for a moment, to be as wide as what it holds.
             closer = self._width < self._grasp_width - t.empty_m
             slipped = closer and self._width < told_m + t.empty_m  # maybe where it was to lie
             if let_go or slipped:
                 self._grasp_width, self._way = None, None
                 self._report("release")
+
+    def _opens(self, grips: bool) -> bool:
+        """Whether it is so much wider than its grasp that it has let go."""
+        assert self._grasp_width is not None
+        return not grips and self._width >= min(self._grasp_width + self._t.opened_m, self._t.full_m)
 
     def feel_way(self, body: Proprioception) -> None:
         """Take in where the hand is in the world, if it has taken hold of something."""

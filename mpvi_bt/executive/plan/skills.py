@@ -32,11 +32,14 @@ class Trigger(Record):
             or the whole body stands still and does no more ("idle").
         camera: "head"; "hand": the wrist camera of the hand that it happened to (Paper, Manipulation: the trigger
             directs the query to that wrist's view); "other_hand": that of the other one, which now holds the thing.
+        witness: "hand": after a no, the checker also gets what that wrist's camera saw when the hand had just let go. A
+            container's wall may hide from the head what has fallen in (our choice).
         refractory_s: Least simulated time between this event and the one before; None: as all others.
     """
 
     event: Literal["grasp", "release", "stop", "rest", "arrival", "idle"]
     camera: Literal["head", "hand", "other_hand"]
+    witness: Literal["hand"] | None = None
     refractory_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
 
 
