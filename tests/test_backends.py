@@ -30,7 +30,12 @@ THERE = "openpi:ws://localhost:8000"
 
 
 # What the makers of our own backends are offered besides what parts of other packages are.
-OURS = {"policy": {"ground", "settings"}, "checker": {"world", "models"}, "detector": set(), "trigger": set()}
+OURS = {
+    "policy": {"ground", "settings"},
+    "checker": {"world", "models", "detector"},
+    "detector": set(),
+    "trigger": set(),
+}
 
 
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in OURS for name in BACKENDS[kind]])

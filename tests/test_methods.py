@@ -88,6 +88,9 @@ def test_the_papers_variants_differ_from_the_method_in_one_thing() -> None:
         "oracle_localization": {"detector": "oracle"},
         "no_trigger": {"trigger": "periodic:300"},
         "expert": {"detector": "oracle", "policy": "expert", "checker": "oracle"},
+        "noisy_localization": {"detector": "segmentation:miss=0.1,confuse=0.05,jitter=2"},
+        "learned_localization": {"detector": "learned"},
+        "mpvi_pixels": {"detector": "learned", "checker": "learned"},
     }  # fmt: skip
 
 

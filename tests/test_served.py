@@ -233,7 +233,7 @@ def test_what_cannot_be_served_is_told_before_anybody_connects(given: dict[str, 
 def test_labels_are_wanted_where_something_reads_them(tmp_path: Path) -> None:
     """A detector of labels sees nothing in an evaluator's pictures: that is told, and what would see."""
     with driving("behavior-2026", tmp_path) as driver:
-        assert "choose another, such as --detector grounding_dino" in driver.ask(**{NAMES: None})
+        assert "choose another, such as --detector learned" in driver.ask(**{NAMES: None})
 
 
 def test_two_are_served_at_once(tmp_path: Path) -> None:

@@ -135,6 +135,21 @@ def test_a_switch_is_of_the_thing_that_it_is_on() -> None:
         np.testing.assert_array_equal(found.mask, labels == label)
 
 
+class Hidden:
+    """A network whose second segment has no pixel left, as the first one lies over it."""
+
+    kinds: tuple[str, ...] = (RADIO, SWITCHES)
+
+    def segment(self, image: CameraImage) -> Segments:
+        return Segments(np.ones(image.depth.shape, np.int32), self.kinds, np.ones(2))
+
+
+def test_a_segment_without_pixels_is_nothing() -> None:
+    """Neither a thing nor a switch."""
+    found = LearnedDetector(Eyes(Hidden(), WORDS), least_px=1).detect(CANS, ["radio", "switch of the radio"])
+    assert [d.phrase for d in found] == ["radio"]
+
+
 class Doubting:
     """A network that is not sure: it takes the left half for a can, and the right one for a bin."""
 
@@ -147,9 +162,13 @@ class Doubting:
 
 
 def test_scores_are_the_networks() -> None:
-    """How sure the network is of a kind is how sure the detection is."""
-    found = LearnedDetector(Eyes(Doubting(), WORDS), least_px=1).detect(CANS, ["can of soda", "trash can"])
+    """How sure the network is of a kind is the score. Hands and checkers are told only what is likely."""
+    detector = LearnedDetector(Eyes(Doubting(), WORDS), least_px=1)
+    found = detector.detect(CANS, ["can of soda", "trash can"])
     assert [(d.phrase, d.score) for d in found] == [("can of soda", 0.6), ("trash can", 0.4)]
+    assert [d.phrase for d in detector.near.detect(CANS, ["can of soda", "trash can"])] == ["can of soda"]
+    judged = LearnedChecker(Eyes(Doubting(), WORDS)).check("the can of soda is in the trash can", head(in_bin(0.02)))
+    assert judged.reason == "no trash can in the picture"
 
 
 @pytest.mark.parametrize("z", [0.02, 0.35])

@@ -21,6 +21,7 @@ from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.layout.prior_map import prior_map
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
+from mpvi_bt.runs.choices.backends import eyes_of
 from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.navigators import explorer
 
@@ -95,6 +96,7 @@ def play(job: Job) -> Row:
     world = SimWorld(house, scene.objects, scene.base_pose)
     world.settle()
     assert world.cameras is not None
+    world.cameras.labels = "labels" in eyes_of({"detector": job.detector}).values()
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
     phrase = scene.objects[scene.target].entry.phrases[0]
     navigator = explorer(world, house, [phrase], make_detector(job.detector, vocabulary, job.seed), job.map, job.seed)

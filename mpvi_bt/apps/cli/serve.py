@@ -25,7 +25,13 @@ if TYPE_CHECKING:
 
 EVERY_S = 1.0  # the status line is drawn anew
 EXECUTIVE = "mpvi"  # in the place of a policy
-_OF_POLICIES = ("what", "host", "port", "seed", "idle_s", "policy_settings", "policy_rate", "policy_actions", "as_json")
+_TOLD = (
+    "policy_settings",
+    "policy_rate",
+    "policy_actions",
+    "detector",
+)  # options that policies and the executive share
+_OF_POLICIES = ("what", "host", "port", "seed", "idle_s", *_TOLD, "as_json")
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -84,7 +90,7 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
     The POLICY `mpvi` is the whole executive: a client's observations come in, actions go out, and behind the socket
     the tree is ticked once for each. BEHAVIOR's evaluator, another simulator or a robot's driver can be that client:
     docs/evaluator.md. Options from --protocol to --out are of the executive, but for --policy-settings,
-    --policy-rate and --policy-actions.
+    --policy-rate, --policy-actions and --detector.
     """
     if not host:
         raise UserError("--host is empty. 127.0.0.1 is this machine, 0.0.0.0 lets other machines in.")
@@ -98,7 +104,7 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
     if what == EXECUTIVE:
         server = _executive(executive, seed, key, status)
     else:
-        told = [executive[name] for name in ("policy_settings", "policy_rate", "policy_actions")]
+        told = [executive[name] for name in _TOLD]
         server = _policy(what, told, seed, idle_s, key, status)
     if not key and host not in ("127.0.0.1", "::1", "localhost"):
         status.say(f"{KEY} is not set: whoever reaches this machine may use it")
@@ -122,9 +128,9 @@ def _policy(policy: str, told: Sequence[Any], seed: int, idle_s: float, key: str
     from mpvi_bt.executive.remote.policy_server import PolicyServer
     from mpvi_bt.runs.choices.policies import check_pace, for_clients
 
-    settings, rate_hz, kind = told
+    settings, rate_hz, kind, detector = told
     check_pace(choose("policy", policy), rate_hz, kind)
-    make = for_clients(policy, seed, settings, rate_hz, kind)
+    make = for_clients(policy, seed, settings, rate_hz, kind, detector)
     make({})  # what cannot be made is told now, not to the first client
     return PolicyServer(policy, make, key, status.say, idle_s)
 

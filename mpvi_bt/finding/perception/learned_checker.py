@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from mpvi_bt.finding.perception.detector import SWITCH
 from mpvi_bt.finding.perception.segments import FLOOR
-from mpvi_bt.finding.perception.shared_eyes import Eyes
+from mpvi_bt.finding.perception.shared_eyes import SURE, Eyes
 from mpvi_bt.finding.perception.visual_checker import Eyesight, VisualChecker
 from mpvi_bt.ground.protocols import Judgement
 from mpvi_bt.ground.robot.protocol import CameraImage
@@ -46,5 +46,6 @@ class LearnedChecker:
         if image is None:
             return Judgement(False, "no picture to look at")
         seen, things = self._eyes.see(image)
-        called = {t.name: self._words.get(t.kind, ()) for t in things if not t.kind.endswith(SWITCH)}
+        sure = [t for t in things if t.score >= SURE and not t.kind.endswith(SWITCH)]
+        called = {thing.name: self._words.get(thing.kind, ()) for thing in sure}
         return VisualChecker(called, self._eyesight, self._robot).check(criterion, seen)

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mpvi_bt.finding.perception.detector import Detection
+from mpvi_bt.finding.perception.detector import ROBOT, Detection
 from mpvi_bt.finding.perception.labeled_pixels import visible
 from mpvi_bt.finding.perception.segmentation import LEAST_PX
-from mpvi_bt.finding.perception.shared_eyes import Eyes
+from mpvi_bt.finding.perception.shared_eyes import SURE, Eyes
 from mpvi_bt.ground.robot.protocol import CameraImage
+
+LEAST_SCORE = 0.2  # our choice: who searches believes little of what scores low, until it is seen again
 
 
 class LearnedDetector:
@@ -24,19 +26,26 @@ class LearnedDetector:
     name = "learned"
     prompt = True
 
-    def __init__(self, eyes: Eyes, least_px: int = LEAST_PX) -> None:
-        """See through `eyes`, which may be shared; a thing of fewer pixels than `least_px` is not seen."""
-        self._eyes, self._least_px = eyes, least_px
+    def __init__(self, eyes: Eyes, least_px: int = LEAST_PX, least_score: float = LEAST_SCORE) -> None:
+        """See through `eyes`.
+
+        Args:
+            eyes: May be shared.
+            least_px: A thing of fewer pixels is not seen.
+            least_score: Nor is one of a lower score, but for the robot's own parts.
+        """
+        self._eyes, self._least_px, self._least_score = eyes, least_px, least_score
 
     @property
     def near(self) -> LearnedDetector:
-        """One without a least size, through the same eyes."""
-        return LearnedDetector(self._eyes, least_px=1)
+        """One without a least size, through the same eyes; it is to be surer, as hands believe all that is detected."""
+        return LearnedDetector(self._eyes, 1, SURE)
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
         """As `Detector` says; scores are the network's, of several parts of the robot the best."""
         seen, things = self._eyes.see(image)
         assert seen.labels is not None
+        things = [thing for thing in things if thing.score >= self._least_score or thing.kind == ROBOT]
         scores: dict[str, float] = {}
         for thing in things:
             scores[thing.name] = max(thing.score, scores.get(thing.name, 0.0))

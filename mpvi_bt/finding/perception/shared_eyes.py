@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.ground.words.phrases import Vocabulary
 
 # Our choice.
+SURE = 0.5  # a score; what scores lower is left by hands and checkers, which believe all that they see
 _KEPT = 4  # pictures whose segments are kept: a robot has three cameras
 _RING_PX = 2  # a switch is of the thing that borders on it most within so many pixels
 
@@ -54,17 +56,20 @@ class Eyes:
         self._vocabulary = Vocabulary({**self.words, **switches})
         self._segmenter = segmenter
         self._seen: deque[tuple[NDArray[np.uint8], Segments, list[NamedSegment]]] = deque(maxlen=_KEPT)
+        self._lock = threading.Lock()  # each client of a server has a thread of its own
 
     def see(self, image: CameraImage) -> tuple[CameraImage, list[NamedSegment]]:
         """The picture with the network's labels in place of any that it had, and its segments.
 
         A picture is the same one as long as its colors are: who looks may have smoothed its depth.
         """
-        kept = next((seen for seen in self._seen if seen[0] is image.rgb), None)
+        with self._lock:
+            kept = next((seen for seen in self._seen if seen[0] is image.rgb), None)
         if kept is None:
             segments = self._segmenter.segment(image)
             kept = image.rgb, segments, _named(segments)
-            self._seen.append(kept)
+            with self._lock:
+                self._seen.append(kept)
         _, segments, things = kept
         names = {thing.label: thing.name for thing in things}
         return replace(image, labels=segments.labels, names=names), things
@@ -86,7 +91,7 @@ def _named(segments: Segments) -> list[NamedSegment]:
         name = ROBOT if kind == ROBOT else f"{kind}_{of_kind[kind]}"
         things.append(NamedSegment(name, kind, label, score))
     known = {thing.label: thing for thing in things if thing.kind != ROBOT}
-    boxes = ndimage.find_objects(segments.labels) if switches else []
+    boxes = ndimage.find_objects(segments.labels, len(segments.kinds)) if switches else []
     for label, score in switches:
         whose = known.get(_around(segments.labels, boxes[label - 1], label, known))
         if whose is not None:

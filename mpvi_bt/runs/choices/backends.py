@@ -80,6 +80,13 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             eyes="labels",
             factory="mpvi_bt.runs.choices.detectors:segmentation",
         ),
+        "learned": Backend(
+            "a network on the camera's colors and depth; weights of your own, or those that ship",
+            address="FILE",
+            optional=True,
+            eyes="pixels",
+            factory="mpvi_bt.runs.choices.detectors:learned",
+        ),
         "grounding_dino": Backend(
             "Grounding DINO, by transformers, on the camera's picture",
             address="MODEL",
@@ -147,6 +154,14 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             optional=True,
             eyes="labels",
             factory="mpvi_bt.runs.choices.checkers:visual",
+            errs=True,
+        ),
+        "learned": Backend(
+            "judges as `visual`, by what the network of the detector `learned` sees; the address sets its error rates",
+            address="fp=0.05,fn=0.1,latency=1",
+            optional=True,
+            eyes="pixels",
+            factory="mpvi_bt.runs.choices.checkers:learned",
             errs=True,
         ),
         "oracle": Backend(

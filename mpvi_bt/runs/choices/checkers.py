@@ -22,7 +22,7 @@ _MOST_STEPS = 10**6
 
 
 def make_checker(
-    given: str, world: SimWorld | RemoteWorld, vocabulary: Vocabulary, seed: int, models: Models
+    given: str, world: SimWorld | RemoteWorld, vocabulary: Vocabulary, seed: int, models: Models, detector: str = ""
 ) -> Checker:
     """The checker of a name.
 
@@ -32,6 +32,7 @@ def make_checker(
         vocabulary: What the labels of pictures, which are the names of things, stand for.
         seed: Of the mistakes that it is to make.
         models: Of the episode.
+        detector: That is chosen beside it: two that are learned see by the same weights.
 
     Raises:
         UnknownName: There is none of that name.
@@ -39,7 +40,7 @@ def make_checker(
         ModelError: The language model cannot be asked.
     """
     choice = choose("checker", given)
-    checker: Checker = choice.make(world=world, vocabulary=vocabulary, seed=seed, models=models)
+    checker: Checker = choice.make(world=world, vocabulary=vocabulary, seed=seed, models=models, detector=detector)
     if choice.backend.errs and choice.address:
         return MistakenChecker(checker, CheckErrors.read(choice.address, f"checker {choice.name}"), world, seed)
     return checker
@@ -57,6 +58,11 @@ def check_checker_choice(config: EpisodeConfig) -> None:
     trigger = choose("trigger", config.trigger)
     if trigger.name == "periodic":
         _steps(trigger.address)
+    checker = choose("checker", config.checker)
+    if checker.part is None and checker.name == "learned":
+        from mpvi_bt.runs.choices.learned_eyes import eyes_by, weights_of
+
+        eyes_by(weights_of(config.detector))
 
 
 def doubt(config: EpisodeConfig) -> str:
@@ -73,6 +79,16 @@ def visual(world: SimWorld | RemoteWorld, vocabulary: Vocabulary) -> Checker:
     from mpvi_bt.finding.perception.visual_checker import VisualChecker
 
     return VisualChecker(vocabulary, robot=world.robot.model)
+
+
+def learned(world: SimWorld | RemoteWorld, vocabulary: Vocabulary, detector: str) -> Checker:
+    """By what a network sees in one picture. Of the vocabulary it takes what floors are called."""
+    from mpvi_bt.finding.perception.learned_checker import LearnedChecker
+    from mpvi_bt.finding.perception.segments import FLOOR, kind_of
+    from mpvi_bt.runs.choices.learned_eyes import eyes_by, weights_of
+
+    floors = [phrase for label, called in vocabulary.items() if kind_of(label) == FLOOR for phrase in called]
+    return LearnedChecker(eyes_by(weights_of(detector) if detector else ""), floors, robot=world.robot.model)
 
 
 def oracle(world: SimWorld | RemoteWorld, vocabulary: Vocabulary) -> Checker:

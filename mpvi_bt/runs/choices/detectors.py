@@ -35,6 +35,14 @@ def segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
     return SegmentationDetector(vocabulary, errors=DetectionErrors.read(address, "detector segmentation"), seed=seed)
 
 
+def learned(address: str) -> Detector:
+    """By a network on colors and depth; the address is the file of its weights."""
+    from mpvi_bt.finding.perception.learned_detector import LearnedDetector
+    from mpvi_bt.runs.choices.learned_eyes import eyes_by
+
+    return LearnedDetector(eyes_by(address))
+
+
 def grounding_dino(address: str) -> Detector:
     """By Grounding DINO; the address is its model."""
     from mpvi_bt.finding.perception.grounding_dino import GroundingDinoDetector

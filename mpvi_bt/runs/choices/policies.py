@@ -17,6 +17,7 @@ from mpvi_bt.ground.robot.action_rows import check_rate
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ
 from mpvi_bt.runs.choices.backends import Choice, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.detectors import make_detector
 from mpvi_bt.runs.choices.lateness import draws_seed, latency_of
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ def for_clients(
     settings: str | None = None,
     rate_hz: float | None = None,
     kind: ActionKind | None = None,
+    detector: str = "segmentation",
 ) -> Callable[[Vocabulary], Policy]:
     """A factory of policies for a server: one for each client, made from its vocabulary, without a world.
 
@@ -115,6 +117,10 @@ def for_clients(
         given, settings: As of `make_policy`.
         seed: Of everything random.
         rate_hz, kind: Of the policy's rows, before what it says itself.
+        detector: By which policies of ours see, such as "learned" for clients that send no labels.
+
+    Raises:
+        UserError: There is no such detector, or it cannot be made.
     """
     from mpvi_bt.executive.actions.paced import PacedPolicy
     from mpvi_bt.executive.plan.skills import load_skills
@@ -122,7 +128,9 @@ def for_clients(
     skills, known = load_skills(), demonstrations()
 
     def make(vocabulary: Vocabulary) -> Policy:
-        made = make_policy(given, PolicyInputs(skills, vocabulary, seed=seed, demonstrations=known), settings)
+        seeing = make_detector(detector, vocabulary, seed).near
+        ground = PolicyInputs(skills, vocabulary, seeing, seed=seed, demonstrations=known)
+        made = make_policy(given, ground, settings)
         told_hz, said_by = _told_rate(made, rate_hz)
         return PacedPolicy(made, told_hz, kind, said_by, to_hz=None)
 

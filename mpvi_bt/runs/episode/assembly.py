@@ -96,7 +96,7 @@ def assemble(
     handed = disturbed(paced(in_chunks(timed or policy, config), config), config, skills, relevant)
     guided = _guided(config, prepared)
     judged = vocabulary if house is None else {**vocabulary, **floors(house)}
-    checker = make_checker(config.checker, world, judged, config.seed, prepared.models)
+    checker = make_checker(config.checker, world, judged, config.seed, prepared.models, config.detector)
     context = Context(
         clock=world,
         robot=world.robot,

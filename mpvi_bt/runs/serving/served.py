@@ -27,7 +27,7 @@ from mpvi_bt.ground.human import task_of_id
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.hands.behavior_robot.behavior import Behavior
 from mpvi_bt.hands.behavior_robot.behavior_layout import BODY, TYPE
-from mpvi_bt.runs.choices.backends import NOBODY, choose, privileged
+from mpvi_bt.runs.choices.backends import NOBODY, choose, eyes_of, privileged
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.language_models import Models
 from mpvi_bt.runs.choices.planning import make_planner
@@ -260,12 +260,10 @@ def _check_sight(config: EpisodeConfig, first: Reading) -> None:
     """Raise UserError if a backend reads labels of pictures, and there are none."""
     if any(image.labels is not None for image in first.images.values()) or not first.images:
         return
-    for kind, reads, instead in (
-        ("detector", "segmentation", "grounding_dino"),
-        ("checker", "visual", "openai:MODEL"),
-    ):
-        if choose(kind, getattr(config, kind)).name == reads:
+    for kind, eyes in eyes_of(config.backends).items():
+        choice = choose(kind, getattr(config, kind))
+        if eyes == choice.backend.eyes == "labels" and choice.part is None:
             raise UserError(
-                f"{kind} {reads} reads labels of pictures, which this client does not send: choose another, such as "
-                f"--{kind} {instead}."
+                f"{kind} {choice.name} reads labels of pictures, which this client does not send: choose another, such "
+                f"as --{kind} learned."
             )
