@@ -80,8 +80,11 @@ class LearnedSegmenter:
         answers = self._network.look(inputs)
         covers = ndimage.uniform_filter(softmax(answers.covers, 0), (1, _SMOOTH_PX, _SMOOTH_PX), mode="nearest")
         cover = covers.argmax(0)
-        labels, kinds, numbers = self._still(answers.kinds, covers, cover, depth)
         things, told, more = self._movable(inputs, depth, covers, cover, answers.near, answers.way, image)
+        instead = covers.copy()
+        instead[MOVABLE] = 0
+        cover = np.where((cover == MOVABLE) & (things == 0), instead.argmax(0), cover)  # what the second look refused
+        labels, kinds, numbers = self._still(answers.kinds, covers, cover, depth)
         labels = np.where(things > 0, things + len(kinds), labels).astype(np.int32)
         movable = np.arange(len(kinds) + len(told)) >= len(kinds)
         return Evidence(labels, (*kinds, *told), movable, np.concatenate([numbers, more]))
