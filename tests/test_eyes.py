@@ -20,7 +20,7 @@ from mpvi_bt.finding.eyes.picture_file import LabeledPicture, PictureFile, pictu
 from mpvi_bt.finding.eyes.score_calibration import calibrated
 from mpvi_bt.finding.eyes.second_look_training import SecondLook
 from mpvi_bt.finding.eyes.segment_overlaps import right_ones
-from mpvi_bt.finding.eyes.segmenter import LearnedSegmenter
+from mpvi_bt.finding.eyes.segmenter import SHIPPED, LearnedSegmenter
 from mpvi_bt.finding.eyes.tiles import TILE, Tiles
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.robot.protocol import CameraImage
@@ -301,3 +301,14 @@ def test_eyes_are_trained_by_a_command(mpvi: Shell, folder: Path, tmp_path: Path
     failed = mpvi("train", "eyes", str(tmp_path / "empty"), "--check", str(folder), "--out", str(out))
     assert failed.returncode != 0
     assert "there are no pictures" in failed.stderr
+
+
+def test_the_weights_that_ship_see() -> None:
+    """Weights are in the package, of less than 8 MB, know the catalogue's things, and see a floor before a wall."""
+    assert SHIPPED.stat().st_size < 8e6
+    eyes = LearnedSegmenter.load()
+    assert {"floor", "robot", "chair", "switch", "can__of__soda.n.01"} <= set(eyes.kinds)
+    seen = eyes.segment(image())
+    floor = seen.kinds.index("floor") + 1
+    assert (seen.labels[200:, 160] == floor).mean() > 0.9
+    assert seen.scores[floor - 1] > 0.5
