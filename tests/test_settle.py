@@ -58,6 +58,7 @@ def test_what_no_level_way_leads_home_for_may_tip_unless_it_is_filled(filled: bo
     except MotionFailure as failure:
         assert filled
         assert failure.reason == "no_carry"
+        assert "not looked at" in failure.evidence  # the search is bounded, and says so
     else:
         assert not filled
         assert before < 0.0 < 0.2 < work.motion.hand("right")[0, 3]

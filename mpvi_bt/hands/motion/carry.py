@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice, product
+from itertools import islice, product, tee
 
 import numpy as np
 
@@ -53,13 +53,10 @@ _CARRY = CarryParameters()
 _DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
 # Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad]. Our choice: a grid before
 # the chest, within the base's outline or close to it.
-_CARRIES = [
-    (x, y, z, yaw)
-    for x in (0.28, 0.33, 0.38, 0.43, 0.49)
-    for y in (0.02, 0.08, 0.14, 0.20, 0.28)
-    for z in (0.72, 0.80, 0.88, 0.98)
-    for yaw in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.57, -1.57, 2.2, -2.2, 3.1)
-]
+_CARRIES = np.array(list(product(
+    (0.28, 0.33, 0.38, 0.43, 0.49), (0.02, 0.08, 0.14, 0.20, 0.28), (0.72, 0.80, 0.88, 0.98),
+    (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.57, -1.57, 2.2, -2.2, 3.1),
+)))  # fmt: skip
 
 
 def settle(work: Work, without: Collection[str] = ()) -> Actions:
@@ -189,34 +186,38 @@ def _searched(work: Work, torso: Array, without: Collection[str]) -> tuple[dict[
         return found, refusals
     sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
     home = replace(body, torso=torso)
-    ends = {side: _ends(work, side, home) for side in sides}
-    for margin, side in product(_CARRY.clear_m, sides):
-        poses, room = ends[side]
-        free = poses[room > margin]
-        refusals.add("no room for a hand", count=len(poses) - len(free))
-        refusals.add("not looked at", count=max(0, len(free) - _CARRY.checked))
-        for T, detour in product(free[: _CARRY.checked], _DETOURS):
-            found = swept({**hands, side: arm_motion.glide(work.motion.hand(side), T, detour * [1, SIGN[side], 1])})
-            if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
-                return found, refusals
+    ends = {side: tee(_ends(work, side, home), len(_CARRY.clear_m)) for side in sides}
+    for (k, margin), side in product(enumerate(_CARRY.clear_m), sides):
+        checked, left = 0, len(_CARRIES)
+        for T, room in ends[side][k]:
+            left -= 1
+            if room <= margin:
+                refusals.add("no room for a hand")
+                continue
+            for detour in _DETOURS:
+                found = swept({**hands, side: arm_motion.glide(work.motion.hand(side), T, detour * [1, SIGN[side], 1])})
+                if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
+                    return found, refusals
+            checked += 1
+            if checked >= _CARRY.checked:
+                break
+        refusals.add("not looked at", count=0 if margin else left)
     return None, refusals
 
 
-def _ends(work: Work, side: Side, home: Body) -> tuple[Array, Array]:
-    """Poses (n, 4, 4) in the base frame to carry what `side` holds, the best first, and how clear (n,) it is there [m].
+def _ends(work: Work, side: Side, home: Body) -> Iterator[tuple[Array, float]]:
+    """Poses (4, 4) in the base frame to carry what `side` holds, the best first, and how clear it is there [m].
 
-    Those that the arm reaches from how it is now; -inf where it would meet the robot itself.
+    -inf where the arm does not reach, or would meet the robot itself.
     """
-    now, poses, postures = work.motion.arm(side), [], []
+    now = work.motion.arm(side)
     for T in _carries(work, side, home):
         q = home.robot.nearest_posture(matmul(home.from_chest, T), side, now)
-        if q is not None:
-            poses.append(T)
-            postures.append(q)
-    if not poses:
-        return np.empty((0, 4, 4)), np.empty(0)
-    around, itself = home.clearance(side, np.stack(postures))
-    return np.stack(poses), np.where(itself > 0, around, -np.inf)
+        if q is None:
+            yield T, -np.inf
+            continue
+        around, itself = home.clearance(side, q)
+        yield T, float(around[0]) if itself[0] > 0 else -np.inf
 
 
 def _swing_home(work: Work, without: Collection[str]) -> Actions:
@@ -240,7 +241,7 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
 def _swung(work: Work, side: Side, without: Collection[str]) -> list[Array] | None:
     """A path of an arm, by any way, to where its hand can be while the torso straightens up."""
     body = work.body(without)
-    home = [matmul(kin.inverse(body.robot.chest(upright(work))), T) for T in _carries(work, side, body)]
+    home = matmul(kin.inverse(body.robot.chest(upright(work))), _carries(work, side, body))
     ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
     free = (q for q in ends if q is not None and body.free(side, q)[0])
     free = (q for q in islice(free, _CARRY.straightened) if _straightens(work, body, side, q) is not None)
@@ -333,12 +334,11 @@ def _as_it_hangs(work: Work, side: Side, body: Body) -> Load:
     return load.within(body.around.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - _CARRY.shrunk_m)
 
 
-def _carries(work: Work, side: Side, body: Body) -> list[Array]:
-    """T_base_tcp (4, 4) to carry what `side` holds, tilted as now, the most compact first."""
+def _carries(work: Work, side: Side, body: Body) -> Array:
+    """(n, 4, 4) T_base_tcp to carry what `side` holds, tilted as now, the most compact first."""
     now, load = work.motion.hand(side), body.held[side]
-    ranked = []
-    for x, y, z, yaw in _CARRIES:
-        T = kin.transform(matmul(kin.rot_z(yaw * SIGN[side]), now[:3, :3]), (x, y * SIGN[side], z))
-        reach = np.hypot(*(matmul(load.centers, T[:2, :3].T) + T[:2, 3]).T) + load.radii
-        ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY.height_m), T))
-    return [T for _, T in sorted(ranked, key=lambda r: r[0])]
+    x, y, z, yaw = _CARRIES.T
+    T = kin.transform(matmul(kin.rot_z(yaw * SIGN[side]), now[:3, :3]), np.stack([x, y * SIGN[side], z], -1))
+    far = np.hypot(*np.moveaxis(matmul(load.centers, np.swapaxes(T[:, :2, :3], 1, 2)) + T[:, None, :2, 3], -1, 0))
+    cost = (far + load.radii).max(1) + 0.05 * np.abs(yaw) + 0.2 * np.abs(z - _CARRY.height_m)
+    return np.asarray(T[np.argsort(cost, kind="stable")])
