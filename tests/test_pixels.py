@@ -11,6 +11,7 @@ import pytest
 
 from mpvi_bt.apps.cli.score import score
 from mpvi_bt.finding.perception.detector import ROBOT
+from mpvi_bt.finding.perception.learned_checker import LearnedChecker
 from mpvi_bt.finding.perception.segments import Segments
 from mpvi_bt.finding.perception.shared_eyes import Eyes
 from mpvi_bt.ground.robot.protocol import CameraImage
@@ -19,8 +20,12 @@ from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.house.things.kind_words import kind_words
 from mpvi_bt.runs.choices import learned_eyes
 from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.choices.detectors import make_detector
+from mpvi_bt.runs.choices.learned_eyes import eyes_by
 from mpvi_bt.runs.choices.methods import load_method
 from mpvi_bt.runs.episode.episode import run
+from mpvi_bt.testing import check_checker, check_detector
+from tests.small_house import placed, small_world
 
 TREE = """
 tree: t
@@ -95,3 +100,18 @@ def test_one_part_that_reads_labels_has_them_rendered(looks: list[CameraImage], 
     assert all(image.labels is not None for image in looks)
     assert result["eyes"]["checker"] == "labels"
     assert "labels of the renderer (checker)" in score(result).replace("\n            ", " ")
+
+
+@pytest.mark.render
+def test_the_network_that_ships_keeps_the_contracts() -> None:
+    """By what the cameras of a robot in a room show, without labels."""
+    world = small_world({"bin": placed("trash_can", 1.2, 0.0)}, render=True)
+    world.settle()
+    assert world.cameras is not None
+    world.cameras.labels = False
+    pictures = [world.robot.look(camera) for camera in ("head", "right")]
+    check_detector(lambda: make_detector("learned", {}), pictures, ["trash can", "elephant"])
+    checker = LearnedChecker(eyes_by())
+    check_checker(checker)
+    assert checker.check("the trash can is on the floor", pictures[1]).reason
+    assert make_detector("learned", {}).name == "learned"
