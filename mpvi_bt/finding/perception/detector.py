@@ -43,7 +43,8 @@ class Detector(Protocol):
 
     One whose answers depend on the pictures before may have `save()`, which gives that as JSON values, and
     `restore(saved)`: a run that was stopped goes on with it. One that overlooks what is small, as places from afar are
-    uncertain, may have `near`: one like it that does not, for hands.
+    uncertain, may have `near`: one like it that does not, for hands. Where one has not `knows_robot = True`, hands tell
+    the robot's own parts by its joints, too.
 
     Attributes:
         name: As given on the command line.
@@ -72,6 +73,7 @@ class GuardedDetector:
 
     Attributes:
         name: The other one's.
+        knows_robot: Whether the other one tells every pixel of the robot.
         note: What it wants to be printed, in one line, such as the mistakes it is told to make; "" if nothing.
     """
 
@@ -91,6 +93,7 @@ class GuardedDetector:
         self._prompt = getattr(detector, "prompt", False) is True
         self.name = str(getattr(detector, "name", type(detector).__name__))
         self.note = str(getattr(detector, "note", ""))
+        self.knows_robot = getattr(detector, "knows_robot", False) is True
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
         """As `Detector` says.

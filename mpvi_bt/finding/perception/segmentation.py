@@ -60,9 +60,11 @@ class SegmentationDetector:
         name: "segmentation", with its errors' address if they are on.
         note: One line on the errors to be printed; "" if they are off.
         prompt: It waits for nothing; see `Guarded`.
+        knows_robot: Labels tell every pixel of the robot.
     """
 
     prompt = True
+    knows_robot = True
 
     def __init__(
         self,

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from mpvi_bt.finding.perception.detector import ROBOT, Detector, switch_of
 from mpvi_bt.finding.perception.localize import pixels
+from mpvi_bt.finding.scene.own_body import own_body
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
@@ -187,9 +188,13 @@ def take(
     for shown in found:
         if shown.phrase == ROBOT:
             own |= shown.mask
+    points = image.points_world()
+    if not getattr(detector, "knows_robot", False):
+        things_px = np.any([shown.mask for shown in found if shown.phrase != ROBOT] or [np.zeros_like(own)], axis=0)
+        own |= own_body(points, felt) & ~things_px
     own = grown(own, _OWN_PX, np.ones((3, 3), bool))
     things = tuple(replace(s, mask=_without_background(s.mask, image)) for s in found if s.phrase != ROBOT)
-    return Frame(image, image.points_world(), own, things, stand, way_m)
+    return Frame(image, points, own, things, stand, way_m)
 
 
 def grown(mask: NDArray[np.bool_], by_px: int, about: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
