@@ -51,7 +51,7 @@ def test_every_help_ends_in_three_examples_that_are_understood(
 ) -> None:
     """Each is a call of that very command whose names, options and values are known; the help fits the screen."""
     monkeypatch.chdir(tmp_path)
-    for folder in ("demos", "more_demos", "data", "runs/watched"):
+    for folder in ("demos", "more_demos", "data", "check", "runs/watched"):
         Path(folder).mkdir(parents=True)
     command = cli.get_command(click.Context(cli), name)
     assert command is not None

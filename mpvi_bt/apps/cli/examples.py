@@ -120,6 +120,11 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "demos --all --out datasets/all --json",
         "demos --format v2.1 --like behavior --out datasets/comet",
     ),
+    "train eyes": (
+        "data --check check --out mine.npz",
+        "data --check check --out try.npz --first-steps 500",
+        "data --check check --out mine.npz --seed 1 --json",
+    ),
     "train learned": (
         "data --out mine.npz",
         "data --out mine.npz --seed 1 --json",
