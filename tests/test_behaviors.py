@@ -19,7 +19,7 @@ from mpvi_bt.ground.errors import NodeError, UnknownName
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.ground.robot.limits import extremes, largest_step
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.testing import KinematicRobot
 from tests.bench import HELD, PICK, PLACES, Bench, tree
@@ -314,6 +314,28 @@ def test_the_skill_says_whose_picture_is_shown(skill: str | None, event: Trigger
     assert bench.context.log.queries[0].camera == camera
 
 
+class Releases:
+    """Triggers that notice a release in the third step and tell of it from the sixth on.
+
+    Args:
+        side: The hand that lets go.
+        told: The hand that the event is of; None: the same.
+    """
+
+    def __init__(self, side: Side, told: Side | None = None) -> None:
+        self.released: Side | None = None
+        self._side, self._told, self._step = side, told or side, 0
+
+    def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
+        """Go on."""
+
+    def update(self) -> TriggerEvent | None:
+        """The event, from the sixth step on."""
+        self._step += 1
+        self.released = self._side if self._step == 3 else None
+        return TriggerEvent("release", self._told) if self._step >= 6 else None
+
+
 @pytest.mark.parametrize(
     ("skill", "answers", "cameras"),
     [
@@ -328,19 +350,27 @@ def test_a_no_is_followed_by_the_picture_of_the_release(
 ) -> None:
     """That of the hand's own camera, of the step in which it let go; where the skill names it as a witness."""
     bench = Bench(f"check_complete: {HELD}\nskill: {skill}", {HELD: answers})
-    looked: list[str] = []
-    look, triggers, steps = bench.world.robot.look, bench.context.triggers, iter(range(100))
-
-    def update() -> TriggerEvent | None:
-        step = next(steps)
-        triggers.released = "left" if step == 2 else None  # type: ignore[attr-defined]
-        return TriggerEvent("release", "left") if step >= 5 else None
-
-    triggers.update = update  # type: ignore[method-assign]
-    bench.world.robot.look = lambda camera: (looked.append(camera), look(camera))[1]  # type: ignore[method-assign, func-returns-value]
+    bench.context.triggers = Releases("left")
     assert bench.run() == Status.SUCCESS
     assert [query.camera for query in bench.context.log.queries] == cameras
-    assert looked[0] == ("left" if skill == "place_in" else "head")
+
+
+def test_a_release_of_the_other_hand_has_no_such_picture() -> None:
+    """What one hand saw says nothing of what the other one let go of."""
+    bench = Bench(f"check_complete: {HELD}\nskill: place_in", {HELD: (False, True)})
+    bench.context.triggers = Releases("left", told="right")
+    assert bench.run() == Status.SUCCESS
+    assert [query.camera for query in bench.context.log.queries] == ["head", "head"]
+
+
+def test_what_is_no_answer_is_no_no() -> None:
+    """A checker that fails is asked about the hand's picture after its next no."""
+    bench = Bench(f"check_complete: {HELD}\nskill: place_in")
+    bench.context.triggers = Releases("left")
+    answers = iter([Judgement(False, "away", fault="endpoint_down"), Judgement(False, "no"), Judgement(True, "yes")])
+    bench.context.checker.check = lambda criterion, image: next(answers)  # type: ignore[method-assign]
+    assert bench.run() == Status.SUCCESS
+    assert [query.camera for query in bench.context.log.queries] == ["head", "head", "left"]
 
 
 def test_only_the_skills_events_are_watched() -> None:

@@ -263,3 +263,12 @@ def test_a_call_says_what_has_to_be_in_a_hand(said: str, slot: str | None) -> No
     call = match(said, SKILLS)
     assert call is not None
     assert call.in_hand == slot
+
+
+def test_only_a_release_has_a_witness() -> None:
+    """The hand's picture is kept when it lets go; beside another event it would do nothing, and is refused."""
+    skill = {"name": "x", "about": "x", "phrases": ["x"], "timeout_s": 1}
+    trigger = {"camera": "head", "witness": "hand"}
+    Skill.model_validate({**skill, "triggers": [{"event": "release", **trigger}]})
+    with pytest.raises(ValueError, match="only a release has a witness, not the event 'idle'"):
+        Skill.model_validate({**skill, "triggers": [{"event": "idle", **trigger}]})

@@ -46,7 +46,7 @@ class CheckComplete(Leaf):
         super().__init__(name)
         self.criterion, self.skill, self.at_once = criterion, skill, at_once
         self._cameras: dict[str, str] = {"grasp": "hand"}
-        self._witnessed: set[str] = set()  # kinds of events
+        self._witness = False
         self._kept: CameraImage | None = None  # of the moment in which a hand let go
         self._kinds: Mapping[str, float | None] | None = None
         self._asked_about = criterion
@@ -63,7 +63,7 @@ class CheckComplete(Leaf):
                 raise UnknownName("skill", self.skill, skills, self.path)
             triggers = skills[self.skill].triggers
             self._cameras = {t.event: t.camera for t in triggers}
-            self._witnessed = {t.event for t in triggers if t.witness}
+            self._witness = any(t.witness for t in triggers)
             self._kinds = {t.event: t.refractory_s for t in triggers}
 
     def initialise(self) -> None:
@@ -140,9 +140,9 @@ class CheckComplete(Leaf):
     def _keep(self) -> None:
         """Keep the picture of a hand that has let go in this step, where the skill says so."""
         side: Side | None = getattr(self.context.triggers, "released", None)
-        if side is None or "release" not in self._witnessed:
+        if side is None:
             return
-        if side in robot_named(self.context.robot.proprioception().robot).cameras:
+        if self._witness and side in robot_named(self.context.robot.proprioception().robot).cameras:
             self._kept = self._look(side)
 
     def _ask(self, event: TriggerEvent, image: CameraImage | None) -> None:
@@ -160,15 +160,15 @@ class CheckComplete(Leaf):
         context.asking.add(question)
 
     def _said(self) -> Query | None:
-        """The answer to the open question, once it is there; after a no to a release, that of the kept picture."""
+        """The answer to the open question, once it is there; after a no, that of the picture of this very release."""
         if self._open is None:
             return None
         event, *_ = self._open
-        said = self._answer(*self._open)
-        if said is None or said.complete or event.kind != "release" or self._kept is None:
+        said, kept = self._answer(*self._open), self._kept
+        if said is None or said.said != "no" or event.kind != "release" or kept is None or kept.camera != event.side:
             return said
-        self._ask(event, self._kept)
         self._kept = None
+        self._ask(event, kept)
         return self._answer(*self._open)
 
     def _answer(self, event: TriggerEvent, camera: str | None, question: Question[Judgement]) -> Query | None:

@@ -37,8 +37,8 @@ class Thresholds:
     held_m: float = 0.003  # a hand this much wider than its command has something between its fingers [m]
     empty_m: float = 0.0015  # a hand this close to its command has nothing; in between, the last state is kept [m]
     opened_m: float = 0.015  # how much wider than its grasp a hand must get to have let go [m]
-    fall_s: float = 0.25  # time for what was let go to fall by 0.3 m [s]
     full_m: float = 0.095  # or how wide at all, with a thing nearly as wide as the hand opens [m]
+    fall_s: float = 0.25  # time for what was let go to fall by 0.3 m [s]
     arm_still_rad_s: float = 0.05  # the arms are at rest while every joint is slower; for "rest", base [m/s] and torso
     moved_rad: float = 0.3  # how far a joint of an arm must turn after a rest for the next one to be an event [rad]
     moved_m: float = 0.10  # how far a hand moves its payload, from the grasp or last event, before a stop counts [m]

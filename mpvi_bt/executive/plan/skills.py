@@ -34,6 +34,7 @@ class Trigger(Record):
             directs the query to that wrist's view); "other_hand": that of the other one, which now holds the thing.
         witness: "hand": after a no, the checker also gets what that wrist's camera saw when the hand had just let go. A
             container's wall may hide from the head what has fallen in (our choice).
+            Of a "release" only.
         refractory_s: Least simulated time between this event and the one before; None: as all others.
     """
 
@@ -41,6 +42,14 @@ class Trigger(Record):
     camera: Literal["head", "hand", "other_hand"]
     witness: Literal["hand"] | None = None
     refractory_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
+
+    @field_validator("witness")
+    @classmethod
+    def _is_of_a_release(cls, witness: str | None, info: ValidationInfo) -> str | None:
+        """Raises ValueError for another event: only a release has such a picture."""
+        if witness is not None and info.data.get("event") not in (None, "release"):
+            raise ValueError(f"only a release has a witness, not the event {info.data['event']!r}")
+        return witness
 
 
 class Skill(Record):
