@@ -23,7 +23,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("file_kinds", "malformed"),
         ("geometry", "words", "paths", "marked_yaml", "marked_xml", "writing", "proxies"),
         ("robot", "extras", "cost"),
-        ("protocols", "human"),
+        ("protocols", "human", "torch_training"),
         ("action_chunk",),
     ),
     "executive": (

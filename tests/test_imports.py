@@ -37,8 +37,8 @@ ONLY_IN = {
     "gymnasium": {"house/maniskill"},
     "py_trees": {"executive/behaviors", "executive/tree", "executive/ticking", "runs/recording"},
     "torch": {
-        *("house/maniskill", "finding/perception/grounding_dino.py", "hands/learned/training.py"),
-        *("executive/remote/lerobot_policy.py", "finding/eyes/look_training.py"),
+        *("house/maniskill", "finding/perception/grounding_dino.py", "ground/torch_training.py"),
+        "executive/remote/lerobot_policy.py",
     },
     "lerobot": {"executive/remote/lerobot_policy.py"},
     "transformers": {"finding/perception/grounding_dino.py"},

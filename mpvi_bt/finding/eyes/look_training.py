@@ -7,8 +7,8 @@ One thread, so that the same seed makes the same weights on one machine; a GPU a
 from __future__ import annotations
 
 import math
-import pickle
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,8 +18,8 @@ import numpy as np
 
 from mpvi_bt.finding.eyes.eyes_layers import CELL_PX, COVERS, Layer
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.extras import install
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.torch_training import kept_training, seeded_torch, torch_for_training
 
 # All our choice.
 _LEAST_RATE = 0.01
@@ -46,7 +46,7 @@ class EyesTraining:
     curves: list[dict[str, Any]] = field(default_factory=list)
 
 
-class Look:
+class Look(ABC):
     """A network in training: AdamW, a rate that warms up and falls as a cosine, and an average of the weights.
 
     Args:
@@ -81,16 +81,16 @@ class Look:
         self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=self.rate, weight_decay=self.decay, fused=True)
         self.average = {k: v.clone() for k, v in self.net.state_dict().items()}
 
-    def prepare(self) -> None:
+    def prepare(self) -> None:  # noqa: B027  # most begin at random
         """Set what does not begin at random."""
 
+    @abstractmethod
     def refresh(self) -> None:
         """Take in pictures that came meanwhile."""
-        raise NotImplementedError
 
+    @abstractmethod
     def loss(self, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
         """Of a drawn batch, and figures to tell."""
-        raise NotImplementedError
 
     def run(self, layer: Layer, x: Any) -> Any:
         """What a layer answers."""
@@ -173,14 +173,8 @@ def train_look(
         UserError: torch is not installed or has no such device, there are no pictures, or `kept` is of another
             training.
     """
-    torch = torch_for_training()
-    try:
-        torch.empty(1, device=job.device)
-    except (RuntimeError, AssertionError) as error:
-        raise UserError(f"torch cannot use the device {job.device!r}: {str(error).splitlines()[0]}") from None
-    torch.set_num_threads(1)
-    torch.manual_seed(job.seed)
-    state = _kept(torch, kept) if kept.exists() else None
+    torch = seeded_torch(job.device, job.seed)
+    state = kept_training(kept) if kept.exists() else None
     look = begin(None if state is None else state["kinds"])
     sizes = {"seed": job.seed, "steps": look.steps}
     if state is not None:
@@ -207,23 +201,5 @@ def train_look(
     return look
 
 
-def torch_for_training() -> Any:
-    """The module. Raises UserError if it is not installed."""
-    try:
-        import torch
-    except ImportError as error:
-        raise UserError(f"training needs torch: {install('train')}") from error
-    return torch
-
-
 def _key(layer: Layer) -> str:
     return layer.name.replace(".", "_")
-
-
-def _kept(torch: Any, path: Path) -> dict[str, Any]:
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError) as error:
-        why = str(error).splitlines()[0][:100]
-        raise UserError(f"{path}: is no kept training ({why}); delete it to begin anew.") from None
-    return state

@@ -8,7 +8,6 @@ makes the same weights on one machine; a GPU adds up in no fixed order, so there
 from __future__ import annotations
 
 import math
-import pickle
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -18,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.ground.errors import UserError
-from mpvi_bt.ground.extras import install
 from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.torch_training import kept_training, seeded_torch, torch_for_training
 from mpvi_bt.hands.learned.batches import ACTOR_POINTS, PROPOSER_POINTS, Batches
 from mpvi_bt.hands.learned.features import HYPOTHESIS_SIZE, SCALE, WAYPOINTS
 from mpvi_bt.hands.learned.network import ACTOR, HYPOTHESES, POINT_WIDTHS, PROPOSER, Networks, NetworkSizes
@@ -73,24 +72,14 @@ def train(job: Training, kept: Path, tell: Callable[[dict[str, Any]], None]) -> 
     Raises:
         UserError: torch is not installed or has no such device, or `kept` is of another training.
     """
-    torch = _torch()
-    try:
-        torch.empty(1, device=job.device)
-    except (RuntimeError, AssertionError) as error:
-        raise UserError(f"torch cannot use the device {job.device!r}: {str(error).splitlines()[0]}") from None
-    torch.set_num_threads(1)
-    torch.manual_seed(job.seed)
+    torch = seeded_torch(job.device, job.seed)
     episodes = np.random.default_rng(job.seed).permutation(np.unique(job.frames.episode))
     apart = max(len(episodes) // _HELD_BACK, 1)
     batches, check = Batches(job.frames, episodes[apart:]), Batches(job.frames, episodes[:apart])
     actor, proposer = _Actor(batches, check, job), _Proposer(batches, check, job)
     sizes = {"seed": job.seed, "frames": len(job.frames.look), "steps": [job.actor_steps, job.proposer_steps]}
     if kept.exists():
-        try:
-            state = torch.load(kept, map_location="cpu", weights_only=True)
-        except (pickle.UnpicklingError, RuntimeError, EOFError) as error:
-            why = str(error).splitlines()[0][:100]
-            raise UserError(f"{kept}: is no kept training ({why}); delete it to begin anew.") from None
+        state = kept_training(kept)
         if state["sizes"] != sizes:
             raise UserError(f"{kept}: is of another training, {state['sizes']}, not {sizes}; delete it to begin anew.")
         job.curves[:] = state["curves"]
@@ -106,17 +95,9 @@ def train(job: Training, kept: Path, tell: Callable[[dict[str, Any]], None]) -> 
     return Networks({**_named("actor", actor), **_named("proposer", proposer)})
 
 
-def _torch() -> Any:
-    try:
-        import torch
-    except ImportError as error:
-        raise UserError(f"training needs torch: {install('train')}") from error
-    return torch
-
-
 def _network(shape: NetworkSizes, dropout: float) -> Any:
     """As `mpvi_bt.hands.learned.network` runs it."""
-    nn = _torch().nn
+    nn = torch_for_training().nn
 
     def points() -> Any:
         return nn.Sequential(nn.Linear(shape.point, POINT_WIDTHS[0]), nn.ReLU(), nn.Linear(*POINT_WIDTHS))
@@ -142,7 +123,7 @@ class _Trained:
     averaged = 0.0
 
     def __init__(self, batches: Batches, check: Batches, job: Training, count: int) -> None:
-        self.torch = _torch()
+        self.torch = torch_for_training()
         self.batches, self.check, self.count, self.step = batches, check, count, 0
         self.rng = np.random.default_rng([job.seed, *self.name.encode()])
         self.device = job.device
