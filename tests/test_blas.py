@@ -15,8 +15,8 @@ import pytest
 import mpvi_bt
 
 PACKAGE = Path(mpvi_bt.__file__).parent
-# All but reports, which only tell, what writes the mesh of a thing into a file, once, and learned eyes, which see alike
-# on one machine only (docs/eyes.md).
+# Exceptions: reports decide nothing; meshes are imported once, into a file; learned eyes see alike on one machine only
+# (docs/eyes.md).
 NOT_DECIDING = {
     "runs/report",
     "house/things/mesh_import.py",

@@ -38,10 +38,7 @@ def learned(
     The same demonstrations and seed make the same weights on the CPU of one machine. `mpvi run TASK --policy
     learned:FILE.npz` runs with them.
     """
-    from mpvi_bt.ground.errors import UserError
-
-    if out.suffix != ".npz" or not out.parent.is_dir():
-        raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
+    _check_out(out)
     from mpvi_bt.hands.learned.mirroring import BODY
     from mpvi_bt.hands.learned.network import Weights
     from mpvi_bt.hands.learned.training import ACTOR_STEPS, PROPOSER_STEPS, Training
@@ -89,10 +86,7 @@ def eyes(
     What is interrupted goes on where it was when it is started again. The same pictures and seed make the same weights
     on the CPU of one machine.
     """
-    from mpvi_bt.ground.errors import UserError
-
-    if out.suffix != ".npz" or not out.parent.is_dir():
-        raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
+    _check_out(out)
     import numpy as np
 
     from mpvi_bt.finding.eyes.eyes_network import EyesNetwork
@@ -131,3 +125,11 @@ def eyes(
         return
     tell(f"{out}: {len(made.still)} kinds of furniture, {len(made.movable)} of things, "
          f"{out.stat().st_size / 1e6:.1f} MB")  # fmt: skip
+
+
+def _check_out(out: Path) -> None:
+    """Raise UserError where no weights can be written to."""
+    from mpvi_bt.ground.errors import UserError
+
+    if out.suffix != ".npz" or not out.parent.is_dir():
+        raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")

@@ -42,9 +42,9 @@ class Detector(Protocol):
     """Finds things by phrases.
 
     One whose answers depend on the pictures before may have `save()`, which gives that as JSON values, and
-    `restore(saved)`: a run that was stopped goes on with it. One that overlooks what is small, as places from afar are
-    uncertain, may have `near`: one like it that does not, for hands. Where one has not `knows_robot = True`, hands tell
-    the robot's own parts by its joints, too.
+    `restore(saved)`: a run that was stopped goes on with it. One that leaves out small things, whose places are
+    uncertain from afar, may have `near`: the same detector with small things, for hands. Where one has not
+    `knows_robot = True`, hands tell the robot's own parts by its joints, too.
 
     Attributes:
         name: As given on the command line.

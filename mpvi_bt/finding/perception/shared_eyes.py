@@ -17,7 +17,7 @@ from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.ground.words.phrases import Vocabulary
 
 # Our choice.
-SURE = 0.5  # a score; what scores lower is left by hands and checkers, which believe all that they see
+SURE = 0.5  # least score for hands and checkers: they believe every segment that they get
 _KEPT = 4  # pictures whose segments are kept: a robot has three cameras
 _RING_PX = 2  # a switch is of the thing that borders on it most within so many pixels
 
