@@ -116,6 +116,9 @@ class Actions(Deeds):
         moved = words.get(effects.held or (effects.pushed or ("",))[0], "")
         above = [thing for thing, spots in self.spots.items() if ("ontop", moved) in spots]
         without: set[Atom] = {("placed", thing, "ontop", moved) for thing in above}
+        put_in = [thing for thing, spots in self.spots.items() if ("inside", moved) in spots]
+        put_in = [thing for thing in put_in if self.placed.get(thing) != ("inside", moved)]
+        without |= {("placed", thing, "inside", moved) for thing in put_in}
         without |= {("on_fire", moved)} if self.to_be("on_fire", moved) else set()
         for one, other in [sorted(pair.args, key=self.told.things.index) for pair in self.pairs if moved in pair.args]:
             if moved == other and one in self.placed and self.told.name(one) == self.told.name(other):
