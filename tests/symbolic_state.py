@@ -159,8 +159,8 @@ class SymbolicState:
         words = phrase.lower().split()
         if "empty" in words:
             found = [t for t in found if not self.on_or_in(t)]
-        if "open" in words:
-            found = [t for t in found if t in self.open]
+        if reading is not None and (state := dict(reading.qualities).get("state")) is not None:
+            found = [t for t in found if (t in self.open) == (state == "open")]
         if {"other", "another"} & set(words[:2]):
             last = than if than in found else next((t for t in reversed(self.used) if t in found), None)
             found = [t for t in found if t != last]

@@ -166,8 +166,8 @@ class PaperWorld:
         words = phrase.lower().split()
         if "empty" in words:
             found = [t for t in found if not self.on_or_in(t)] or found
-        if "open" in words:
-            found = [t for t in found if t in self.open] or found
+        if reading is not None and (state := dict(reading.qualities).get("state")) is not None:
+            found = [t for t in found if (t in self.open) == (state == "open")] or found
         if _ORDER & set(words[:2]) and len(found) > 1:
             last = than if than in found else next((t for t in reversed(self.used) if t in found), None)
             found = [t for t in found if t != last]

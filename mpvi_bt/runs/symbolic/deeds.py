@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.house.goals.formula import Literal
-from mpvi_bt.runs.symbolic.grounded_actions import FLOOR_COST, HAND_COST, WAIT_COST, GroundedAction
+from mpvi_bt.runs.symbolic.grounded_actions import ASIDE_COST, FLOOR_COST, HAND_COST, WAIT_COST, GroundedAction
 from mpvi_bt.runs.symbolic.possible_spots import PossibleSpots
 from mpvi_bt.runs.symbolic.told_facts import Atom
 
@@ -36,11 +36,12 @@ class Deeds(PossibleSpots):
     def _inside(self, skill: Skill, slot: str, container: str, relation: str = "inside") -> Found:
         for thing, spots in self.spots.items():
             for place in [place for kind, place in spots if kind == relation]:
-                floor = self.told.is_floor(place)
-                there = {("by" if floor else "at", thing)} if relation == "ontop" and self.wide(place) else set[Atom]()
-                adds = {("placed", thing, relation, place), *there}
-                cost = FLOOR_COST if floor else HAND_COST
-                yield _deed({slot: thing, container: place}, (thing, place), adds=adds, cost=cost)
+                floor, laid = self.told.is_floor(place), ("placed", thing, relation, place)
+                wide = relation == "ontop" and self.wide(place)
+                there: set[Atom] = {("by" if floor else "at", thing)} if wide else set()
+                aside = wide and (laid not in self.goal or laid in self.start)
+                cost = (FLOOR_COST if floor else HAND_COST) + ASIDE_COST * aside
+                yield _deed({slot: thing, container: place}, (thing, place), adds={laid, *there}, cost=cost)
 
     def _ontop(self, skill: Skill, slot: str, surface: str) -> Found:
         return self._inside(skill, slot, surface, "ontop")

@@ -9,6 +9,7 @@ from mpvi_bt.runs.symbolic.told_facts import Atom
 
 DRIVE_COST, WAIT_COST, HAND_COST = 8, 1, 2  # our choice: a drive takes as long as four motions of a hand
 FLOOR_COST = 4  # our choice: what is set down on a floor is in the way, and hands reach it less well
+ASIDE_COST = DRIVE_COST  # our choice: what is put aside is looked for and driven to again before it is picked up
 # Our choice: to work on what hangs in a hand is worse than two drives more, of who sets it down and comes back. In the
 # house such plans failed.
 HANGING_COST = 3 * DRIVE_COST

@@ -18,6 +18,7 @@ from mpvi_bt.runs.symbolic.grounded_actions import (
     HANGING_COST,
     GroundedAction,
 )
+from mpvi_bt.runs.symbolic.precautions import had_better_be, had_better_not_be
 from mpvi_bt.runs.symbolic.told_facts import Atom, ToldFacts
 
 
@@ -90,7 +91,7 @@ class Actions(Deeds):
         needed |= {("toggled_on", words[slot]) for slot in needs.on if slot in words}
         forbids = deed.forbids | self._open_atoms(needs.closed, words)
         releases = any(getattr(effects, term) for term in RELEASING)
-        after, without = self._calm(skill, words)
+        after, without = had_better_be(self, skill, words), had_better_not_be(self, skill, words)
         for hand, before, frees in self._hands(needs.hands, payload):
             held = {("held", words[effects.held], hand or "both")} if effects.held else frees if releases else set()
             drops = deed.drops | before if effects.held or releases else deed.drops
@@ -109,25 +110,6 @@ class Actions(Deeds):
                     yield replace(act, cost=act.cost + DOOR_COST)
                 if after or without:
                     yield replace(act, cost=act.cost + ADVERSE_COST)
-
-    def _calm(self, skill: Skill, words: Mapping[str, str]) -> tuple[set[Atom], set[Atom]]:
-        """What had better be so before a thing is taken or pushed, and what had better not be."""
-        effects = skill.effects
-        moved = words.get(effects.held or (effects.pushed or ("",))[0], "")
-        above = [thing for thing, spots in self.spots.items() if ("ontop", moved) in spots]
-        without: set[Atom] = {("placed", thing, "ontop", moved) for thing in above}
-        put_in = [thing for thing, spots in self.spots.items() if ("inside", moved) in spots]
-        put_in = [thing for thing in put_in if self.placed.get(thing) != ("inside", moved)]
-        without |= {("placed", thing, "inside", moved) for thing in put_in}
-        without |= {("on_fire", moved)} if self.to_be("on_fire", moved) else set()
-        for one, other in [sorted(pair.args, key=self.told.things.index) for pair in self.pairs if moved in pair.args]:
-            if moved == other and one in self.placed and self.told.name(one) == self.told.name(other):
-                without.add(("placed", one, *self.placed[one]))  # no words tell them apart: they are taken in order
-        floors = {place for place in self.told.things if self.told.is_floor(place)}
-        floors = {floor for floor in floors if self.told.room_of(floor) == self.told.room_of(moved)}
-        on_floor = [thing for thing, (_, place) in self.placed.items() if place in floors and thing != moved]
-        in_way = on_floor if skill.hands == 2 and effects.held else []
-        return {atom for atom in self.goal if atom[0] in ("placed", "nextto") and atom[1] in in_way}, without
 
     def _open_atoms(self, slots: Iterable[str], words: Mapping[str, str]) -> frozenset[Atom]:
         return frozenset(("open", words[slot]) for slot in slots if slot in words and self.openable(words[slot]))

@@ -215,13 +215,10 @@ class Sentences:
         )
 
     def _source(self, action: GroundedAction, place: str) -> str:
-        """Where a thing is taken from, in words, as things were before."""
+        """Where a thing is taken from, in words."""
         if self.told.fixed(place) and not self.told.able(place, "openable"):
             return ""
-        now, self.now = self.now, self.now | {atom for atom in action.drops if atom[0] == "placed"}
-        where = self.one(place)
-        self.now = now
-        return f" from {where}"
+        return f" from {self._before(action, place)}"
 
     def _lift(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
         return (
@@ -241,24 +238,25 @@ class Sentences:
         ]
         return self._many(there, f"{preposition} {self._a(place)}")
 
-    def _before(self, action: GroundedAction, thing: str, place: str, relation: str) -> str:
-        """The place in words, as things were before the thing was put there."""
-        now, held = self.now, {a for a in action.drops if a[0] == "held"}
-        self.now = now - {("placed", thing, relation, place)} | held
+    def _before(self, action: GroundedAction, place: str) -> str:
+        """A place in words, as things were before an action."""
+        now = self.now
+        self.now = (now - action.adds) | action.drops
         where = self.one(place)
         self.now = now
         return where
 
     def _place_in(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
-        where = self._before(action, thing, place, "inside")
+        where = self._before(action, place)
         return f"put the {self.names[thing]} in {where}{self._how(action)}", self._place(thing, place, "inside", "in")
 
     def _place_on(self, action: GroundedAction, thing: str, place: str) -> tuple[str, str]:
-        where = self._before(action, thing, place, "ontop")
+        where = self._before(action, place)
         return f"put the {self.names[thing]} on {where}{self._how(action)}", self._place(thing, place, "ontop", "on")
 
     def _pour(self, action: GroundedAction, vessel: str, container: str, *things: str) -> tuple[str, str]:
-        return f"empty {self.one(vessel)} into {self.one(container)}", self._many(things, f"in {self._a(container)}")
+        said = f"empty {self._before(action, vessel)} into {self._before(action, container)}"
+        return said, self._place(things[0], container, "inside", "in")
 
     def _pair(self, thing: str, target: str) -> tuple[str, str]:
         """The target of a pair, and as a criterion says it."""
@@ -290,15 +288,17 @@ class Sentences:
         )
 
     def _open(self, action: GroundedAction, thing: str) -> tuple[str, str]:
-        return f"open {self.one(thing)}", f"{self._a(thing)} is open"
+        return self._moved(thing, "open", "closed", [t for t in self._alike(thing) if ("open", t) in self.now])
 
     def _close(self, action: GroundedAction, thing: str) -> tuple[str, str]:
-        alike = self._alike(thing)
-        shut = [t for t in alike if ("open", t) not in self.now]
-        which = self.one(thing) if len(shut) == 1 else f"the open {self.names[thing]}"
-        if 1 < len(shut) < len(alike):
-            which = f"an open {self.names[thing]}"
-        return f"close {which}", self._many(shut, "closed")
+        return self._moved(thing, "close", "open", [t for t in self._alike(thing) if ("open", t) not in self.now])
+
+    def _moved(self, thing: str, verb: str, was: str, done: list[str]) -> tuple[str, str]:
+        """A door that is moved, and all that are alike and so now."""
+        which = self.one(thing) if len(done) == 1 else f"the {was} {self.names[thing]}"
+        if 1 < len(done) < len(self._alike(thing)):
+            which = with_article(f"{was} {self.names[thing]}")
+        return f"{verb} {which}", self._many(done, "open" if verb == "open" else "closed")
 
     def _press(self, action: GroundedAction, thing: str, state: str) -> tuple[str, str]:
         return f"turn {state} {self.one(thing)}", f"{self._a(thing)} is turned {state}"
