@@ -106,6 +106,23 @@ def test_what_the_plan_has_closed_is_closed() -> None:
     assert "the box is closed" in message(UNKNOWN, *deeds)
 
 
+def test_the_closed_one_is_the_one_that_is_closed() -> None:
+    """Of two jars of which one was opened, in whatever word: "closed", "shut"."""
+    jars = replace(
+        KITCHEN,
+        called={"j1": ("jar",), "j2": ("jar",)},
+        rooms={},
+        facts=(),
+        openable=frozenset({"j1", "j2"}),
+        unmet=None,
+    )
+    for word in ("closed", "shut"):
+        assert found(Rehearsal(SKILLS, jars), "go to the jar", "open a jar", f"open the {word} jar") == []
+    assert found(Rehearsal(SKILLS, jars), "go to the jar", "open a jar", "open the open jar") == [
+        ("pointless", "/segments/2/description")
+    ]
+
+
 def test_nothing_is_put_down_that_nothing_holds() -> None:
     """The message tells what is held instead."""
     deeds = ("go to the table", "put the bottle on the table")

@@ -59,6 +59,29 @@ def test_what_lies_on_a_thing_comes_off_before_it_is_moved() -> None:
     assert steps[-1].startswith("push the swivel chair")
 
 
+@pytest.mark.parametrize(
+    ("task", "container"),
+    [("outfit_a_basic_toolbox", "toolbox"), pytest.param("picking_up_toys", "toy box", marks=pytest.mark.slow)],
+)
+def test_a_container_stays_where_it_stands(task: str, container: str) -> None:
+    """What was put in would be lost on the way: the things come to it."""
+    assert [step for step in said(task) if step.startswith(("pick up", "lift")) and container in step] == []
+
+
+def test_a_small_thing_is_cleared_before_something_is_put_on_it() -> None:
+    """A keyboard leaves no room on a notebook for a pen."""
+    steps = said("getting_organized_for_work")
+    assert first(steps, "pick up the keyboard from the notebook") < first(steps, "put the pen on the notebook")
+
+
+@pytest.mark.slow
+def test_of_two_alike_doors_the_closed_one_is_opened() -> None:
+    """And what ends it counts both."""
+    jars = [s for s in planned("can_meat").segments if s.description.startswith("open") and "jar" in s.description]
+    assert [jar.completion_criterion for jar in jars] == ["a hinged jar is open", "two hinged jars are open"]
+    assert jars[1].description == "open the closed hinged jar"
+
+
 def test_a_hand_is_named_only_where_both_hold_alike_things() -> None:
     """Elsewhere the robot takes the one that reaches the thing."""
     assert [step for step in said("turning_on_radio") if " hand" in step] == []
