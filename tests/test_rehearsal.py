@@ -114,7 +114,7 @@ def test_the_closed_one_is_the_one_that_is_closed() -> None:
         rooms={},
         facts=(),
         openable=frozenset({"j1", "j2"}),
-        unmet=None,
+        unmet=lambda truth, noun: [],
     )
     for word in ("closed", "shut"):
         assert found(Rehearsal(SKILLS, jars), "go to the jar", "open a jar", f"open the {word} jar") == []
