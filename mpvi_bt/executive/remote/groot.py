@@ -6,7 +6,6 @@ import importlib.util
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -71,23 +70,7 @@ class GrootPolicy(PatientClient[GrootConnection]):
         self.rate_hz: float | None = settings.rate_hz
         self.rate_from = settings.rate_from
         self.actions: ActionKind = settings.actions or "absolute"
-        self._held: Proprioception | None = None
         self._order: Sequence[str] = ()  # of the parts of an action
-
-    def reset(self) -> None:
-        """Let the server begin anew, once it is there. Raises PolicyError."""
-        self._held = None
-        self._persist(lambda link, until: link.ask("reset", {"options": None}, until), self._settings.connect_s)
-
-    def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, A).
-
-        Raises:
-            PolicyError: For a reason in docs/policy_servers.md. The connection is closed; a later call makes a new
-                one.
-        """
-        self._held = self._held or observation["proprioception"]
-        return self._persist(partial(self._ask, observation, self._held), self._settings.answer_s)
 
     def _open(self, deadline: float) -> GrootConnection:
         return GrootConnection(self._address, deadline, self._settings.max_mb << 20, key_of_environment())
@@ -104,6 +87,9 @@ class GrootPolicy(PatientClient[GrootConnection]):
                 moments = wants[kind].moments
                 raise PolicyError("bad_reply", f"it wants {kind} of {moments} moments, and only the present is sent")
         self._order = wants["action"].keys if "action" in wants else ()
+
+    def _begin(self, connection: GrootConnection, deadline: float) -> None:
+        connection.ask("reset", {"options": None}, deadline)
 
     def _ask(
         self, observation: Mapping[str, Any], held: Proprioception, connection: GrootConnection, deadline: float

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -65,22 +64,6 @@ class LerobotServerPolicy(PatientClient[LerobotConnection]):
         self.cameras = cameras_of_checkpoint(self.checkpoint, settings)
         self.rate_hz, self.rate_from = rate_of(self.checkpoint, settings)
         self.actions: ActionKind = settings.actions or "absolute"
-        self._held: Proprioception | None = None
-
-    def reset(self) -> None:
-        """Let the server begin anew, once it is there and has loaded the checkpoint. Raises PolicyError."""
-        self._held = None
-        self._persist(lambda link, until: link.ready(until), self._settings.answer_s)
-
-    def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, A).
-
-        Raises:
-            PolicyError: For a reason in docs/policy_servers.md. The connection is closed; a later call makes a new
-                one.
-        """
-        self._held = self._held or observation["proprioception"]
-        return self._persist(partial(self._ask, observation, self._held), self._settings.answer_s)
 
     def _open(self, deadline: float) -> LerobotConnection:
         return LerobotConnection(self._address, deadline, self._settings.max_mb << 20)
@@ -101,6 +84,9 @@ class LerobotServerPolicy(PatientClient[LerobotConnection]):
         }
         connection.ready(deadline)
         connection.instruct(setup, deadline)
+
+    def _begin(self, connection: LerobotConnection, deadline: float) -> None:
+        connection.ready(deadline)
 
     def _ask(
         self, observation: Mapping[str, Any], held: Proprioception, connection: LerobotConnection, deadline: float

@@ -7,7 +7,6 @@ a `PolicyError` with a reason code. A lost connection is made anew a few times; 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -104,26 +103,12 @@ class OpenpiPolicy(PatientClient[Connection]):
         self.rate_from = self._settings.rate_from
         self.actions: ActionKind = self._settings.actions or "absolute"
         self._fresh = True
-        self._held: Proprioception | None = None
 
     def reset(self) -> None:
         """Let the server begin anew, once it is there. Raises PolicyError."""
-        self._fresh, self._held = True, None
+        self._fresh = True
         self._unheard()
-        self._persist(self._begin, self._settings.connect_s)
-
-    def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, A).
-
-        One that holds still, if a server that came back wants pictures that it had not wanted before.
-
-        Raises:
-            PolicyError: For a reason in docs/policy_servers.md. The connection is closed; a later call makes a new
-                one.
-        """
-        if self._held is None:
-            self._held = observation["proprioception"]
-        return self._persist(partial(self._ask, observation, self._held), self._settings.answer_s)
+        super().reset()
 
     def _open(self, deadline: float) -> Connection:
         return Connection(self._url, deadline, self._settings.max_mb << 20, self.hello())
@@ -152,6 +137,7 @@ class OpenpiPolicy(PatientClient[Connection]):
     def _ask(
         self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
     ) -> Array:
+        # A server that came back may want pictures that it had not wanted before: the robot holds still once.
         if set(self.cameras) - set(observation["images"]):
             return command_of(observation["proprioception"])[None]
         action = self._settings.action

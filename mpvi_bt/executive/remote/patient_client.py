@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Generic, Protocol, TypeVar
 
 from mpvi_bt.executive.remote.connection import Lost
 from mpvi_bt.executive.remote.dialect_settings import DialectSettings
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import PolicyError
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.protocol import Proprioception
 
 _PAUSE_S = 0.25  # before a lost connection is made anew
 Result = TypeVar("Result")
@@ -46,6 +49,22 @@ class PatientClient(ABC, Generic[Link]):
         self._settings, self._called = settings, called
         self._answered = False
         self._connection: Link | None = None
+        self._held: Proprioception | None = None  # the joints at the first observation since a reset
+
+    def reset(self) -> None:
+        """Let the server begin anew, once it is there. Raises PolicyError."""
+        self._held = None
+        self._persist(self._begin, self._settings.connect_s)
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next actions, (H, A).
+
+        Raises:
+            PolicyError: For a reason in docs/policy_servers.md. The connection is closed; a later call makes a new
+                one.
+        """
+        self._held = self._held or observation["proprioception"]
+        return self._persist(partial(self._ask, observation, self._held), self._settings.answer_s)
 
     def close(self) -> None:
         """End the connection. Safe to call at any time, twice too."""
@@ -60,6 +79,14 @@ class PatientClient(ABC, Generic[Link]):
     @abstractmethod
     def _meet(self, connection: Link, deadline: float) -> None:
         """Take in what a server says of itself. Raises PolicyError if it cannot be talked to."""
+
+    @abstractmethod
+    def _begin(self, connection: Link, deadline: float) -> None:
+        """Have the server begin anew. Raises PolicyError."""
+
+    @abstractmethod
+    def _ask(self, observation: Mapping[str, Any], held: Proprioception, connection: Link, deadline: float) -> Array:
+        """The actions (H, A) for an observation; joints without an action stay as `held`. Raises PolicyError."""
 
     def _persist(self, talk: Callable[[Link, float], Result], seconds: float) -> Result:
         """What a talk with the server gives; over a new connection if one is lost. Raises PolicyError."""
