@@ -178,6 +178,36 @@ def test_labels_are_not_looked_at() -> None:
     assert (eyes.segment(plain).labels == eyes.segment(told).labels).all()
 
 
+def test_what_is_expected_is_seen_rather() -> None:
+    """No movable pixel is taken for it less often, scores of it only rise, and no network is asked again."""
+    asked = network()
+    plain = LearnedSegmenter(asked).segment(image())
+    asked.weights.clear()  # type: ignore[attr-defined]
+    for kind in ("can.n.01", "cup.n.01"):
+        told = plain.expecting({kind})
+        before, after = (
+            np.where([k == kind for k in seen.kinds], seen.scores, 0.0).max(initial=0.0) for seen in (plain, told)
+        )
+        assert 0 < after >= before
+        shows = [np.isin(seen.labels, [n for n, k in enumerate(seen.kinds, 1) if k == kind]) for seen in (plain, told)]
+        assert (shows[0] <= shows[1]).all()
+    assert plain.expecting(set()) is plain
+
+
+def test_what_is_known_to_be_one_thing_is_one_segment() -> None:
+    """Whatever the picture looks like there. Where nothing is known, the picture is seen as without."""
+    thing = np.zeros((240, 320), bool)
+    thing[40:150, 50:130] = True
+    plain = LearnedSegmenter(network()).segment(image())
+    told = plain.expecting({"can.n.01", "cup.n.01"}, thing)
+    (number,) = np.unique(told.labels[thing])
+    assert told.kinds[number - 1] in ("can.n.01", "cup.n.01")
+    assert (told.labels == number).sum() == thing.sum()
+    assert 0.5 < told.scores[number - 1] <= 1
+    nothing = plain.expecting({"can.n.01"}, np.zeros_like(thing))
+    assert (nothing.labels == plain.expecting({"can.n.01"}).labels).all()
+
+
 def test_odd_sizes_and_no_depth_are_seen() -> None:
     """A picture of any size has segments of its size, even one without any depth."""
     eyes = LearnedSegmenter(network())

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mpvi_bt.finding.perception.detector import ROBOT, GuardedDetector
 from mpvi_bt.finding.perception.learned_checker import LearnedChecker
@@ -22,7 +24,7 @@ from mpvi_bt.house.things.kind_words import kind_words
 from mpvi_bt.runs.choices.backends import eyes_of
 from mpvi_bt.testing import LabelSegmenter, check_checker, check_detector
 from tests.small_house import placed, small_world
-from tests.test_checkers import Box, can, head, trash_can
+from tests.test_checkers import Box, can, fingers, head, trash_can, wrist
 
 WORDS = kind_words(load_catalogue())
 KINDS = (*WORDS, SWITCHES, ROBOT)
@@ -169,6 +171,92 @@ def test_scores_are_the_networks() -> None:
     assert [d.phrase for d in detector.near.detect(CANS, ["can of soda", "trash can"])] == ["can of soda"]
     judged = LearnedChecker(Eyes(Doubting(), WORDS)).check("the can of soda is in the trash can", head(in_bin(0.02)))
     assert judged.reason == "no trash can in the picture"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Hopeful(Segments):
+    """Segments that are surer of what is asked for, and take a known thing for a kind."""
+
+    asked: list[set[str]]
+    taken_for: str = ""
+    sure: float = 0.9
+
+    def expecting(self, kinds: Collection[str], thing: NDArray[np.bool_] | None = None) -> Segments:
+        self.asked.append(set(kinds))
+        scores = np.array(
+            [0.9 if kind in kinds else score for kind, score in zip(self.kinds, self.scores, strict=True)]
+        )
+        if thing is None:
+            return dataclasses.replace(self, scores=scores)
+        labels = np.where(thing, len(self.kinds) + 1, self.labels).astype(np.int32)
+        return Segments(labels, (*self.kinds, self.taken_for), np.append(scores, self.sure))
+
+
+class Hoping(LabelSegmenter):
+    """By the labels, with doubts; what is between the fingers is background."""
+
+    def __init__(self, taken_for: str = "", sure: float = 0.9, score: float = 0.4) -> None:
+        super().__init__(KINDS)
+        self.asked: list[set[str]] = []
+        self._taken_for, self._sure, self._score = taken_for, sure, score
+
+    def segment(self, image: CameraImage) -> Segments:
+        seen = super().segment(image)
+        return Hopeful(seen.labels, seen.kinds, seen.scores * self._score, self.asked, self._taken_for, self._sure)
+
+
+def test_hands_and_checkers_expect_what_they_ask_for_and_a_search_does_not() -> None:
+    """So they are surer of it; and of nothing else."""
+    segmenter = Hoping()
+    seeing = Eyes(segmenter, WORDS)
+    far = LearnedDetector(seeing, least_px=1)
+    assert {d.score for d in far.detect(CANS, ["can of soda"])} == {0.4}
+    assert segmenter.asked == [set()]
+    assert {d.score for d in far.near.detect(CANS, ["can of soda"])} == {0.9}
+    assert far.near.detect(CANS, ["trash can", "elephant"])[0].score == 0.9
+    LearnedChecker(seeing).check("a can of soda is in the trash can", CANS)
+    assert segmenter.asked[1:] == [{SODA}, {BIN}, {SODA, BIN}]
+    assert segmenter.passes == 1
+
+
+def test_a_thing_is_not_next_to_a_piece_of_itself() -> None:
+    """One can of which two segments are seen, flush with each other, is no can next to another can."""
+    floor: Box = ("floor_1", (-3, -3, -0.1), (3, 3, 0.0))
+    left: Box = (f"{SODA}_1", (-0.1, -0.1, 0.0), (0.1, 0.0, 0.2))
+    halves: list[Box] = [floor, left, (f"{SODA}_2", (-0.1, 0.0, 0.0), (0.1, 0.1, 0.2))]
+    apart: list[Box] = [floor, left, (f"{SODA}_2", (-0.1, 0.04, 0.0), (0.1, 0.14, 0.2))]
+    criterion = "a can of soda is next to another can of soda"
+    assert not LearnedChecker(eyes()).check(criterion, head(halves)).complete
+    assert LearnedChecker(eyes()).check(criterion, head(apart)).complete
+
+
+HELD: list[Box] = [("wall_1", (-0.03, -0.02, 0.13), (0.03, 0.02, 0.25)), ("floor_1", (-2, -2, 0.6), (2, 2, 1))]
+
+
+@pytest.mark.parametrize(
+    ("taken_for", "sure", "complete"), [(SODA, 0.9, True), (SODA, 0.4, False), (BIN, 0.9, False), (FLOOR, 0.4, False)]
+)
+def test_what_is_between_the_fingers_is_looked_at_as_one_thing(taken_for: str, sure: float, complete: bool) -> None:
+    """If it is taken for what is asked for, and surely, that is held."""
+    checker = LearnedChecker(Eyes(Hoping(taken_for, sure), WORDS))
+    image = wrist([*fingers(0.04), *HELD])
+    assert checker.check("the can of soda is held in a gripper", image).complete is complete
+    assert checker.check("the can of soda is held in the right gripper", image).complete is complete
+    assert not checker.check("the can of soda is held in the left gripper", image).complete
+    assert not checker.check("the can of soda is held in a gripper", wrist([*fingers(0.04), HELD[1]])).complete
+
+
+def test_a_handle_is_a_part_of_what_it_is_seen_before() -> None:
+    """Nobody knows a bail by itself: between the fingers and before a bin it is the bin's."""
+    bail: Box = ("wall_1", (-0.3, -0.015, 0.13), (0.01, 0.015, 0.16))
+    bottom: Box = (f"{BIN}_1", (-0.4, -0.4, 0.5), (0.4, 0.4, 0.52))
+    checker = LearnedChecker(Eyes(Hoping(FLOOR, 0.2), WORDS))
+    judged = checker.check("the trash can is held in a gripper", wrist([*fingers(0.03), bail, bottom]))
+    assert (judged.complete, judged.reason) == (True, "a part of trash can is seen between the fingers")
+    assert not checker.check("the can of soda is held in a gripper", wrist([*fingers(0.03), bail, bottom])).complete
+    assert not checker.check("the trash can is held in a gripper", wrist([*fingers(0.03), bottom])).complete
+    surely = LearnedChecker(Eyes(Hoping(SODA, 0.9), WORDS))
+    assert not surely.check("the trash can is held in a gripper", wrist([*fingers(0.03), bail, bottom])).complete
 
 
 @pytest.mark.parametrize("z", [0.02, 0.35])

@@ -26,24 +26,31 @@ class LearnedDetector:
     name = "learned"
     prompt = True
 
-    def __init__(self, eyes: Eyes, least_px: int = LEAST_PX, least_score: float = LEAST_SCORE) -> None:
+    def __init__(
+        self, eyes: Eyes, least_px: int = LEAST_PX, least_score: float = LEAST_SCORE, expects: bool = False
+    ) -> None:
         """See through `eyes`.
 
         Args:
             eyes: May be shared.
             least_px: A thing of fewer pixels is not seen.
             least_score: Nor is one of a lower score, but for the robot's own parts.
+            expects: Whether what it is asked for is likely to be there. In a search it is not.
         """
-        self._eyes, self._least_px, self._least_score = eyes, least_px, least_score
+        self._eyes, self._least_px, self._least_score, self._expects = eyes, least_px, least_score, expects
 
     @property
     def near(self) -> LearnedDetector:
-        """One without a least size, through the same eyes; it is to be surer, as hands believe all that is detected."""
-        return LearnedDetector(self._eyes, 1, SURE)
+        """One without a least size, through the same eyes, for hands: they are where the things are that they ask for.
+
+        It is to be surer, as they believe all that is detected.
+        """
+        return LearnedDetector(self._eyes, 1, SURE, expects=True)
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
         """As `Detector` says; scores are the network's, of several parts of the robot the best."""
-        seen, things = self._eyes.see(image)
+        asked = {phrase: self._eyes.meant(phrase) for phrase in phrases}
+        seen, things = self._eyes.see(image, set().union(*asked.values()) if self._expects else ())
         assert seen.labels is not None
         things = [thing for thing in things if thing.score >= self._least_score or thing.kind == ROBOT]
         scores: dict[str, float] = {}
@@ -51,8 +58,7 @@ class LearnedDetector:
             scores[thing.name] = max(thing.score, scores.get(thing.name, 0.0))
         found = []
         for phrase in phrases:
-            kinds = self._eyes.meant(phrase)
-            meant = {thing.name for thing in things if thing.kind in kinds}
+            meant = {thing.name for thing in things if thing.kind in asked[phrase]}
             for shown in visible(seen.labels, seen.names, meant, self._least_px):
                 score = float(np.clip(scores[shown.label], 0.0, 1.0))
                 found.append(Detection(phrase, score, shown.box, shown.spread(seen.labels.shape)))

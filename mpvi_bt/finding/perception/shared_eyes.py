@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,22 +55,28 @@ class Eyes:
         switches = {kind + SWITCH: [switch_of(p) for p in called] for kind, called in self.words.items()}
         self._vocabulary = Vocabulary({**self.words, **switches})
         self._segmenter = segmenter
-        self._seen: deque[tuple[NDArray[np.uint8], Segments, list[NamedSegment]]] = deque(maxlen=_KEPT)
+        self._seen: deque[tuple[NDArray[np.uint8], Segments]] = deque(maxlen=_KEPT)
         self._lock = threading.Lock()  # each client of a server has a thread of its own
 
-    def see(self, image: CameraImage) -> tuple[CameraImage, list[NamedSegment]]:
+    def see(
+        self, image: CameraImage, expected: Collection[str] = (), thing: NDArray[np.bool_] | None = None
+    ) -> tuple[CameraImage, list[NamedSegment]]:
         """The picture with the network's labels in place of any that it had, and its segments.
 
         A picture is the same one as long as its colors are: who looks may have smoothed its depth.
+
+        Args:
+            image: Any camera's.
+            expected, thing: Kinds that are asked for, and pixels of one thing, as of `Segments.expecting`.
         """
         with self._lock:
-            kept = next((seen for seen in self._seen if seen[0] is image.rgb), None)
-        if kept is None:
+            segments = next((seen for rgb, seen in self._seen if rgb is image.rgb), None)
+        if segments is None:
             segments = self._segmenter.segment(image)
-            kept = image.rgb, segments, _named(segments)
             with self._lock:
-                self._seen.append(kept)
-        _, segments, things = kept
+                self._seen.append((image.rgb, segments))
+        segments = segments.expecting(expected, thing)
+        things = _named(segments)
         names = {thing.label: thing.name for thing in things}
         return replace(image, labels=segments.labels, names=names), things
 

@@ -11,14 +11,14 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
 from mpvi_bt.executive.completion.criteria import UNARY, Criterion, named, parse
+from mpvi_bt.finding.perception.between_fingers import hand_points
 from mpvi_bt.finding.perception.detector import SWITCH
 from mpvi_bt.ground.geometry.kinematics import inverse
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
-from mpvi_bt.ground.robot.model import RobotModel
-from mpvi_bt.ground.robot.protocol import CameraImage, Side
+from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.words.phrases import Vocabulary
@@ -122,15 +122,6 @@ def _judge(asked: Criterion, looks: list[Judgement]) -> Judgement:
 
 def _best(looks: list[Judgement]) -> Judgement:
     return next((look for look in looks if look.complete), looks[0] if looks else Judgement(False, "nothing else seen"))
-
-
-def _seen_from_hand(robot: RobotDescription, camera: str) -> tuple[Array, float]:
-    """T_hand_camera (4, 4) of a wrist's camera, and how far the tcp is along z of that frame [m]."""
-    if isinstance(robot, RobotModel):
-        return robot.hand_to_camera, robot.tcp_m
-    side: Side = "left" if camera == "left" else "right"
-    joints = robot.travel_torso, robot.travel_arm[side]
-    return matmul(inverse(robot.tcp(*joints, side)), robot.wrist_camera(*joints, side)), 0.0
 
 
 class _SeenPicture:
@@ -315,9 +306,7 @@ class _SeenPicture:
 
     def _between_fingers(self, name: str) -> Judgement:
         """In a wrist picture: points of the thing between the fingers, at their tips."""
-        T_hand_camera, tcp_m = _seen_from_hand(self._robot, self._image.camera)
-        to_hand = matmul(T_hand_camera, inverse(self._image.T_world_camera))
-        points = matmul(self._points, to_hand[:3, :3].T) + to_hand[:3, 3]  # (H, W, 3) in the hand frame
+        points, tcp_m = hand_points(self._image, self._robot)
         tip = np.abs(points - (0.0, 0.0, tcp_m - 0.01))
         at_tips = (tip[..., 0] < self._sight.reach_m) & (tip[..., 2] < self._sight.reach_m)
         beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > tcp_m - 0.04)
