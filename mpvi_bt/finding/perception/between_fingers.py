@@ -17,7 +17,7 @@ from mpvi_bt.ground.robot.robot_description import RobotDescription
 
 
 @dataclass(frozen=True)
-class Grip:
+class FingerSpace:
     """What counts as between the fingers, and as one thing with that. Our choice."""
 
     reach_m: float = 0.03  # half height and half depth of the space between the fingertips [m]
@@ -26,7 +26,7 @@ class Grip:
     step: tuple[float, float] = (0.04, 0.04)  # neighbors whose depth differs by more are two things [m, and part of it]
 
 
-GRIP = Grip()
+SPACE = FingerSpace()
 
 
 def hand_points(image: CameraImage, robot: RobotDescription) -> tuple[Array, float]:
@@ -48,13 +48,13 @@ def between_fingers(image: CameraImage, own: NDArray[np.bool_], robot: RobotDesc
         None of the pixels where hardly anything is there.
     """
     points, tcp_m = hand_points(image, robot)
-    free = (image.depth > 0) & ~own & (norm(points - (0.0, 0.0, tcp_m), axis=-1) < GRIP.far_m)
+    free = (image.depth > 0) & ~own & (norm(points - (0.0, 0.0, tcp_m), axis=-1) < SPACE.far_m)
     low, high = np.abs(points - (0.0, 0.0, tcp_m - 0.01)), robot.opening_m / 2
-    there = free & (low[..., 0] < GRIP.reach_m) & (low[..., 1] < high) & (low[..., 2] < GRIP.reach_m)
+    there = free & (low[..., 0] < SPACE.reach_m) & (low[..., 1] < high) & (low[..., 2] < SPACE.reach_m)
     parts, _ = ndimage.label(free & ~_steps(image.depth))
     count = np.bincount(parts[there], minlength=2)
     count[0] = 0
-    return parts == count.argmax() if count.max() >= GRIP.seen_px else np.zeros_like(free)
+    return parts == count.argmax() if count.max() >= SPACE.seen_px else np.zeros_like(free)
 
 
 def _steps(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -63,7 +63,7 @@ def _steps(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     for axis in (0, 1):
         d = np.moveaxis(depth, axis, 0)
         step = np.diff(d, axis=0)
-        least = GRIP.step[0] + GRIP.step[1] * np.minimum(d[1:], d[:-1])
+        least = SPACE.step[0] + SPACE.step[1] * np.minimum(d[1:], d[:-1])
         out = np.moveaxis(behind, axis, 0)
         out[1:] |= step > least
         out[:-1] |= -step > least
