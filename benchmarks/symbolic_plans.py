@@ -1,11 +1,11 @@
 """Plans of the symbolic planner beside those on file.
 
     python -m benchmarks.symbolic_plans [TASK...]
-    python -m benchmarks.symbolic_plans --played FOLDER
+    python -m benchmarks.symbolic_plans --played FOLDER --beside FOLDER
 
 The first prints a row for each task: seconds, segments and drives, each beside those on file, and what paper says. The
 second prints, of results of `mpvi run TASK --method expert --planner symbolic --out FOLDER` for some tasks and start
-states, q beside that of the plans on file (`benchmarks/results/behavior50.json`, method `expert`), in pairs.
+states, q beside that of `--planner recorded`, in pairs.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ import click
 import numpy as np
 
 from benchmarks.origin import grid
-from benchmarks.played import Played
-from benchmarks.tables import load
 from mpvi_bt.executive.plan.schema import Navigation, Plan
 from mpvi_bt.ground.errors import MpviError
 from mpvi_bt.house.instances.tasks import load_task
@@ -30,6 +28,7 @@ from tests.symbolic_state import CannotBe
 from tests.test_plans50 import TASKS, plan_of, unmet
 
 DRAWS = 4000  # of tasks, for an interval
+_FOLDER = click.Path(path_type=Path, exists=True)
 
 
 def _row(task: str) -> str:
@@ -58,36 +57,36 @@ def results(folder: Path) -> list[Result]:
     return sorted((one for one in found if one is not None), key=lambda one: (one.task, one.instance_id))
 
 
-def pairs(played: list[Result]) -> Iterator[list[str]]:
+def pairs(played: list[Result], beside: list[Result]) -> Iterator[list[str]]:
     """Rows of a table: task and start state, q by the plan on file and by the symbolic plan; then the means."""
-    filed = load("behavior50")
-    assert isinstance(filed, Played)
-    on_file = {(one.task, one.instance): one for found in filed.of("expert").values() for one in found}
+    on_file = {(one.task, one.instance_id): one for one in beside}
+    both = [(on_file[key], one) for one in played if (key := (one.task, one.instance_id)) in on_file]
     q: dict[str, list[tuple[float, float]]] = {}
-    for one in played:
-        other = on_file[one.task, one.instance_id]
-        q.setdefault(one.task, []).append((other.q, one.q))
-        yield [f"`{one.task}`", f"{one.instance_id}", f"{other.q:.2f}", f"{one.q:.2f}",
-               f"{other.time_s:.0f}", f"{one.time.simulator_time:.0f}"]  # fmt: skip
-    both = np.concatenate([np.array(found) for found in q.values()])
-    times = np.mean([(on_file[one.task, one.instance_id].time_s, one.time.simulator_time) for one in played], axis=0)
+    for old, new in both:
+        q.setdefault(new.task, []).append((old.q, new.q))
+        times = (f"{one.time.simulator_time:.0f}" for one in (old, new))
+        yield [f"`{new.task}`", f"{new.instance_id}", f"{old.q:.2f}", f"{new.q:.2f}", *times]
+    means = np.mean([[o.q, n.q, o.time.simulator_time, n.time.simulator_time] for o, n in both], axis=0)
     changes = np.array([np.subtract(*np.mean(found, axis=0)[::-1]) for found in q.values()])
     drawn = np.random.default_rng(0).choice(changes, (DRAWS, len(changes))).mean(1)
     low, high = np.quantile(drawn, (0.025, 0.975))
-    higher, lower = (both[:, 1] > both[:, 0] + SAME_Q).sum(), (both[:, 1] < both[:, 0] - SAME_Q).sum()
+    higher, lower = (sum(sign * (n.q - o.q) > SAME_Q for o, n in both) for sign in (1, -1))
     told = f"{changes.mean():+.2f}, 95 % {low:+.2f} to {high:+.2f}; {higher} higher, {lower} lower"
-    yield [f"mean of {len(q)} tasks; difference {told}", "",
-           *(f"{mean:.2f}" for mean in both.mean(0)), *(f"{mean:.0f}" for mean in times)]  # fmt: skip
+    yield [f"mean of {len(q)} tasks; difference {told}", "", *(f"{q:.2f}" for q in means[:2]),
+           *(f"{seconds:.0f}" for seconds in means[2:])]  # fmt: skip
 
 
 @click.command()
 @click.argument("tasks", nargs=-1)
-@click.option("--played", type=click.Path(path_type=Path, exists=True), help="Folder of results to compare.")
-def main(tasks: tuple[str, ...], played: Path | None) -> None:
+@click.option("--played", type=_FOLDER, help="Results of episodes by symbolic plans.")
+@click.option("--beside", type=_FOLDER, help="Results by the plans on file, for the same tasks and start states.")
+def main(tasks: tuple[str, ...], played: Path | None, beside: Path | None) -> None:
     """Print plans of the symbolic planner beside those on file, or how well they play."""
-    if played is not None:
+    if (played is None) != (beside is None):
+        raise click.UsageError("--played and --beside go together: one folder of results for each kind of plan")
+    if played is not None and beside is not None:
         heads = ["task", "start state", "q on file", "q symbolic", "s on file", "s symbolic"]
-        click.echo(grid(heads, list(pairs(results(played)))))
+        click.echo(grid(heads, list(pairs(results(played), results(beside)))))
         return
     click.echo("| task | seconds | segments | on file | drives | on file | on paper |\n|---|---|---|---|---|---|---|")
     for task in tasks or TASKS:
