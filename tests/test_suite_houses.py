@@ -89,7 +89,7 @@ def test_the_manifest_gives_houses_back(tmp_path: Path) -> None:
         ("[family_house, famly_house]", "1:24: unknown house 'famly_house'. Did you mean 'family_house'?"),
         ("[family_house, family_house]", "'family_house' is in houses twice"),
         ("[generated:x]", "generated:7"),
-        ("0", "houses"),
+        ("-3", "should be greater than or equal to 1"),
         ("true", "houses"),
         ("ten", "houses"),
     ],
@@ -101,6 +101,7 @@ def test_houses_that_cannot_be_are_placed(tmp_path: Path, houses: str, words: st
     with pytest.raises(FileProblems, match=r"suite\.yaml:1") as caught:
         load_suite(str(file))
     assert words in str(caught.value)
+    assert len(caught.value.problems) == 1, "of a number and a list, what was meant is told"
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import re
 import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, Union
 
@@ -225,7 +226,18 @@ def problems_of(
         found[problem.line, problem.column, problem.message] = problem
         if len(found) >= MAX_PROBLEMS:
             break
-    return list(found.values())
+    return list(_of_the_kind_meant(found.values()))
+
+
+def _of_the_kind_meant(problems: Iterable[Problem]) -> Iterator[Problem]:
+    """Of several kinds of values that may stand at a place: what the kind lacks that is there, or all kinds in one."""
+    places: dict[tuple[int, int, str], list[Problem]] = {}
+    for problem in problems:
+        places.setdefault((problem.line, problem.column, problem.pointer), []).append(problem)
+    for found in places.values():
+        fitting = [problem for problem in found if problem.code != "wrong-type"]
+        kinds = [problem.message for problem in found[:1]] + [p.message.removeprefix("should be ") for p in found[1:]]
+        yield from fitting or [replace(found[0], message=" or ".join(kinds))]
 
 
 def _problems(
