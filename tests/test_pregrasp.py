@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.robot.protocol import SIDES
@@ -85,10 +86,22 @@ def test_each_handoff_has_its_pregrasp():
     assert (policy.asked, before.asked) == (0, 1)
 
 
+def test_the_prompts_hand_comes_before_the_setting_s():
+    """A hand that is given is meant where the prompt names none."""
+    right = PregraspPolicy(SKILLS, hand="right")
+    for prompt, hand in {"pick up the can": "right", "pick up the can with the left hand": "left"}.items():
+        call = match(prompt, SKILLS)
+        assert call is not None
+        assert right.words(call)["hand"] == hand
+        assert PregraspPolicy(SKILLS).words(call) == call.arguments
+
+
 @pytest.mark.render
-def test_the_hand_is_before_the_thing_and_nothing_is_touched():
+@pytest.mark.parametrize(("given", "used"), [(None, "left"), ("right", "right")])
+def test_the_hand_is_before_the_thing_and_nothing_is_touched(given, used):
     """At the handoff a hand stands open within a hand's breadth of the thing, which is where it was.
 
+    It is the hand on the thing's side, or the one that was given.
     What the navigator has seen to stand is asked for on the way, as by the reactive policy.
     """
     world = small_world({"can": placed("can_of_soda", 0.9, 0.1)}, render=True)
@@ -101,7 +114,7 @@ def test_the_hand_is_before_the_thing_and_nothing_is_touched():
         asked.append(x)
         return np.zeros((len(x), len(y), len(z)), bool)
 
-    both = with_pregrasp(policy, PolicyInputs(SKILLS, {"can": ("can of soda",)}, standing=standing))
+    both = with_pregrasp(policy, PolicyInputs(SKILLS, {"can": ("can of soda",)}, standing=standing), given)
     touched = False
     while not policy.asked and world.time_s < 30:
         images = {camera: world.robot.look(camera) for camera in both.cameras}
@@ -117,5 +130,6 @@ def test_the_hand_is_before_the_thing_and_nothing_is_touched():
     T_world_base = kin.base(felt.base_pose)
     hands = {side: T_world_base @ R1.tcp(felt.torso, felt.arm[side], side) for side in SIDES}
     side = min(SIDES, key=lambda s: np.linalg.norm(hands[s][:3, 3] - before[:3, 3]))
+    assert side == used
     assert np.linalg.norm(hands[side][:3, 3] - before[:3, 3]) < 0.2
     assert felt.gripper_width[side] > 0.05

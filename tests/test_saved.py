@@ -164,6 +164,7 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         policy_horizon=8,
         policy_ensemble=0.01,
         pregrasp=True,
+        pregrasp_hand="left",
         policy_faults="drift",
         latency="policy=0.4",
         while_inferring="go_on",

@@ -27,7 +27,7 @@ OTHER = {  # a value of each setting of a method that is not as by default
     "planner": "none", "drive": "policy", "on_failure": "retry:2", "unit": "monitored", "calibration": "c.json",
     "map": "online", "detector": "oracle", "policy": "reactive", "policy_settings": "openpi_comet", "policy_horizon": 8,
     "policy_ensemble": 0.5, "policy_rate": 10.0, "policy_actions": "delta",
-    "pregrasp": True, "checker": "oracle", "trigger": "periodic:300", "while_asked": "hold",
+    "pregrasp": True, "pregrasp_hand": "left", "checker": "oracle", "trigger": "periodic:300", "while_asked": "hold",
     "policy_faults": "drift", "latency": "policy=0.4", "while_inferring": "go_on", "robot": "fetch", "sim": "maniskill",
     "assisted": True, "navigator": "my_navigator:mine",
 }  # fmt: skip

@@ -17,6 +17,7 @@ from benchmarks.hands.scenes import choose
 from benchmarks.hands.table import markdown, table
 from benchmarks.hands.trial import Shapes
 from mpvi_bt.ground.errors import MpviError
+from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.ground.robot.robots import ROBOTS
 
 _SHAPES = ("tuning", "held_out", "half")
@@ -53,6 +54,12 @@ SEEDS = _Seeds()
               help="Error of where things are believed to be, standard deviation.")  # fmt: skip
 @click.option("--assisted", is_flag=True, help="Fix what a closing hand pinches to the hand.")
 @click.option("--pregrasp", is_flag=True, help="A planned motion brings the hand before what is to be picked up.")
+@click.option(
+    "--pregrasp-hand",
+    "hand",
+    type=click.Choice(list(SIDES)),
+    help="With --pregrasp: this hand, not the one on the thing's side.",
+)
 @click.option("--signals", is_flag=True, help="Keep the monitors' signals in the rows.")
 @click.option("--robot", type=click.Choice(list(ROBOTS)), default="r1", show_default=True)
 @click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
@@ -69,8 +76,9 @@ SEEDS = _Seeds()
 @click.option("--json", "as_json", is_flag=True, help="The table as JSON.")
 def main(
     skill: tuple[str, ...], case: tuple[str, ...], policy: str, seeds: list[int], shapes: str, noise: str,
-    perception_cm: float, assisted: bool, pregrasp: bool, signals: bool, robot: str, workers: int, wall_limit: float,
-    out: Path, again: bool, show: Path | None, video: bool, listing: bool, only_table: bool, as_json: bool,
+    perception_cm: float, assisted: bool, pregrasp: bool, hand: Side | None, signals: bool, robot: str,
+    workers: int, wall_limit: float, out: Path, again: bool, show: Path | None, video: bool, listing: bool,
+    only_table: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Play trials of single skills and print the table of what came of them."""
     try:
@@ -86,7 +94,7 @@ def main(
             wanted = [row for row in rows.values() if (row.job.skill, row.job.case) in pairs]
         else:
             jobs = [
-                Job(s, c, p, seed, _shapes(shapes, seed), noise, perception_cm, assisted, robot, pregrasp)
+                Job(s, c, p, seed, _shapes(shapes, seed), noise, perception_cm, assisted, robot, pregrasp, hand)
                 for (s, c), p, seed in itertools.product(pairs, policies, seeds)
             ]
             todo = [job for job in jobs if again or show or job not in rows]

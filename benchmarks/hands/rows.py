@@ -10,6 +10,7 @@ from typing import Any
 from benchmarks.hands.trial import Shapes
 from benchmarks.rows import append, lines_of
 from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.protocol import Side
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Job:
         assisted: Whether grasps are assisted.
         robot: Whose hands.
         pregrasp: Whether a planned motion brings the hand before what is to be picked up, before the policy plays.
+        pregrasp_hand: Which hand that is; None: the one on the thing's side.
     """
 
     skill: str
@@ -38,6 +40,7 @@ class Job:
     assisted: bool = False
     robot: str = "r1"
     pregrasp: bool = False
+    pregrasp_hand: Side | None = None
 
     @property
     def name(self) -> str:
@@ -107,6 +110,7 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _row(data: Mapping[str, Any]) -> Row:
-    data = {"robot": "r1", "pregrasp": False, "samples": [], **data}  # rows of before there was another
+    before = {"robot": "r1", "pregrasp": False, "pregrasp_hand": None, "samples": []}  # of rows without these
+    data = {**before, **data}
     job = Job(**{f.name: data[f.name] for f in fields(Job)})
     return Row(job, **{f.name: data[f.name] for f in fields(Row) if f.name != "job"})

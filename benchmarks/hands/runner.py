@@ -55,7 +55,7 @@ def run_job(job: Job, show: Path | None = None, video: bool = False, signals: bo
     alone = policy = maker.make(world, job.seed, off_m)
     if job.pregrasp:
         vocabulary = {e.name: e.phrases for e in world.knowledge()}
-        policy = with_pregrasp(alone, PolicyInputs(load_skills(), vocabulary, seed=job.seed))
+        policy = with_pregrasp(alone, PolicyInputs(load_skills(), vocabulary, seed=job.seed), job.pregrasp_hand)
     errors = replace(ERRORS[job.noise], offset_m=off_m)
     robot = NoisyRobot(world.robot, world.cameras, errors, job.seed) if maker.pictures or job.pregrasp else world.robot
     film = None if show is None else Film(world, show / job.name.replace("/", "-").replace(" ", "_"), video)

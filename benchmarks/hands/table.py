@@ -42,7 +42,7 @@ def setting(job: Job) -> str:
     parts = [f"{job.noise} noise"] if job.noise != "none" else []
     parts += [f"{job.perception_cm:g} cm off"] if job.perception_cm else []
     parts += ["assisted"] if job.assisted else []
-    parts += ["pregrasp"] if job.pregrasp else []
+    parts += [" ".join(filter(None, ("pregrasp", job.pregrasp_hand)))] if job.pregrasp else []
     parts += [job.robot] if job.robot != "r1" else []
     return ", ".join(parts)
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from mpvi_bt.executive.actions.chunks import WrappedPolicy
 from mpvi_bt.executive.plan.clauses import clauses, match
-from mpvi_bt.executive.plan.skills import SkillCall
+from mpvi_bt.executive.plan.skills import Skill, SkillCall
+from mpvi_bt.finding.perception.detector import Detector
+from mpvi_bt.finding.scene.free_space import Standing
 from mpvi_bt.ground.action_chunk import ask
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.motion import MotionFailure
+from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.carry import come_out
-from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.motion.work import Words, Work
 from mpvi_bt.hands.policies.reactive import ReactivePolicy
 from mpvi_bt.hands.policies.scripted_policy import Performance
 from mpvi_bt.hands.skills.pick import come_before, pick
@@ -30,6 +33,15 @@ class PregraspPolicy(ReactivePolicy):
     name = "pregrasp"
     tries = 1
 
+    def __init__(
+        self, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
+        detector: Detector | None = None, vocabulary: Mapping[str, Iterable[str]] | None = None,
+        standing: Standing | None = None, hand: Side | None = None,
+    ) -> None:  # fmt: skip
+        """See as `ReactivePolicy` does; `hand` comes before the thing if the prompt names none."""
+        self._hand = hand
+        super().__init__(skills, seed, timer, detector, vocabulary, standing)
+
     def first(self, prompt: str) -> str | None:
         """The clause that a prompt begins with, if that is to pick something up."""
         said = clauses(prompt, self._skills)
@@ -42,11 +54,15 @@ class PregraspPolicy(ReactivePolicy):
             yield from super().perform(work, clause)
         return None
 
+    def words(self, call: SkillCall) -> Words:
+        """Of a skill call, with the hand."""
+        return call.arguments if self._hand is None else {"hand": self._hand, **call.arguments}
+
     def attempt(self, work: Work, call: SkillCall) -> Any:
         """Try it; yields actions, returns whether the hand is there."""
         yield from come_out(work)
         try:
-            yield from pick(work, call.arguments, [], come_before)
+            yield from pick(work, self.words(call), [], come_before)
         except MotionFailure as failure:
             self.note = f"{call.skill.name}: {work.explained(failure)}"
             yield from self._recover(work)

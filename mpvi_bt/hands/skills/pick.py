@@ -119,8 +119,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     Raises:
         MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", "dropped", or a motion's own reason.
     """
-    motion, scene = work.motion, work.scene
-    yield from motion.grip(side, 1.0, GRIP.ready_s)
+    yield from work.motion.grip(side, 1.0, GRIP.ready_s)
     try:
         found = yield from approach(work, side, name, lambda: options(work, name), tried)
     except MotionFailure as failure:
@@ -128,7 +127,22 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
             raise
         yield from draw_out(work, name, side)
         found = yield from approach(work, side, name, lambda: options(work, name), tried)
-    stance = yield from _before(work, name, side, *found)
+    yield from take_hold(work, name, side, (yield from _before(work, name, side, *found)))
+
+
+def take_hold(work: Work, name: str, side: Side, stance: Stance) -> Actions:
+    """Take a thing that a hand has come before, lift it, bring it to the chest.
+
+    Args:
+        work: Robot and world.
+        name: The thing.
+        side: The hand.
+        stance: As `come_before` returns it.
+
+    Raises:
+        MotionFailure: "closed_empty", "slipped", "dropped", or a motion's own reason.
+    """
+    motion, scene = work.motion, work.scene
     try:
         yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
@@ -148,8 +162,10 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     yield from _bring(work, name, side)
 
 
-def come_before(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+def come_before(work: Work, name: str, side: Side, tried: list[Array]) -> Generator[Array, None, Stance]:
     """Bring a hand, open as far as the grasp needs, before a thing, as `pick_up` does, and no further.
+
+    Yields actions, returns the stance.
 
     Args:
         work: Robot and world.
@@ -162,7 +178,7 @@ def come_before(work: Work, name: str, side: Side, tried: list[Array]) -> Action
     """
     yield from work.motion.grip(side, 1.0, GRIP.ready_s)
     found = yield from approach(work, side, name, lambda: options(work, name), tried)
-    yield from _before(work, name, side, *found)
+    return (yield from _before(work, name, side, *found))
 
 
 def _before(work: Work, name: str, side: Side, stance: Stance, search: Search) -> Generator[Array, None, Stance]:

@@ -137,6 +137,9 @@ class PolicySettings:
     pregrasp: bool = setting(
         False, "Before a handoff, bring the hand close to the object to pick up, by a planned motion."
     )
+    pregrasp_hand: Literal["left", "right"] | None = setting(
+        None, "With --pregrasp: this hand, if the prompt names none.  [default: the one on the object's side]"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

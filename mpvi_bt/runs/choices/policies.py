@@ -14,7 +14,7 @@ from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.action_rows import check_rate
-from mpvi_bt.ground.robot.protocol import CONTROL_HZ
+from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.runs.choices.backends import Choice, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.detectors import make_detector
@@ -228,13 +228,14 @@ def disturbed(policy: Policy, config: EpisodeConfig, skills: Mapping[str, Skill]
     return policy
 
 
-def with_pregrasp(policy: Policy, ground: PolicyInputs) -> Policy:
-    """The policy, handed over to with the hand before what is to be picked up."""
+def with_pregrasp(policy: Policy, ground: PolicyInputs, hand: Side | None = None) -> Policy:
+    """The policy, handed over to with the hand before what is to be picked up: `hand`, if the prompt names none."""
     from mpvi_bt.hands.policies.pregrasp import PregraspPolicy, WithPregrasp
 
     before = PregraspPolicy(
-        ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary, ground.standing
-    )
+        ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary, ground.standing,
+        hand,
+    )  # fmt: skip
     return WithPregrasp(policy, before)
 
 

@@ -31,6 +31,7 @@ class SuiteKeywords(TypedDict, total=False):
     policy_rate: float | None
     policy_actions: Literal["absolute", "delta", "velocity"] | None
     pregrasp: bool
+    pregrasp_hand: Literal["left", "right"] | None
     checker: str
     trigger: str
     while_asked: Literal["go_on", "hold"]

@@ -101,7 +101,7 @@ def assemble(
         clock=world,
         robot=world.robot,
         navigator=who_drives(config.navigator, navigator, world, config.seed),
-        policy=with_pregrasp(handed, ground) if config.pregrasp else handed,
+        policy=with_pregrasp(handed, ground, config.pregrasp_hand) if config.pregrasp else handed,
         checker=checker if config.latency is None else LateChecker(checker, latency_of(config, "checker")),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
