@@ -45,6 +45,13 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     help="With --like behavior: 0, as in its demonstrations, or as its evaluator sends it.",
 )
 @click.option(
+    "--actions",
+    type=click.Choice(("absolute", "delta", "velocity")),
+    default="absolute",
+    show_default=True,
+    help="A row's joints: their targets, how far these move in the row, or how fast.",
+)
+@click.option(
     "--prompt",
     type=click.Choice(("instruction", "subtask")),
     default="instruction",

@@ -13,6 +13,7 @@ from mpvi_bt.executive.remote.dialect_settings import DialectSettings
 from mpvi_bt.executive.remote.task_settings import check_robot
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
 from mpvi_bt.ground.errors import UserError, shown
+from mpvi_bt.ground.robot.action_layout import KINDS, ActionKind
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
 from mpvi_bt.ground.robot.robot_description import RobotDescription
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
@@ -40,6 +41,7 @@ class LerobotCheckpoint:
         dataset: Folder of the dataset that it was trained on, if that is still there.
         fps: Rows a second of that dataset; None: not known.
         robot: Whose dataset it is; None: not known.
+        actions: What the joints in that dataset's actions are; None: not said.
     """
 
     folder: Path
@@ -53,6 +55,7 @@ class LerobotCheckpoint:
     dataset: Path | None = None
     fps: float | None = None
     robot: str | None = None
+    actions: ActionKind | None = None
 
 
 def read_checkpoint(given: Path, weights: bool = True) -> LerobotCheckpoint:
@@ -98,6 +101,7 @@ def read_checkpoint(given: Path, weights: bool = True) -> LerobotCheckpoint:
         dataset=dataset,
         fps=None if dataset is None else dataset_rate(dataset),
         robot=robot if isinstance(robot, str) else None,
+        actions=None if dataset is None else _kind(about, dataset),
     )
 
 
@@ -159,6 +163,18 @@ def _dataset(folder: Path) -> tuple[Path | None, dict[str, Any]]:
             if (info := base / root / "meta/info.json").is_file():
                 return base / root, _json(info)
     return None, {}
+
+
+def _kind(about: Mapping[str, Any], dataset: Path) -> ActionKind | None:
+    """What joints in actions are, where `mpvi dataset --actions` has written it."""
+    told: Any = about
+    for key in ("features", "action", "info", "joints"):
+        told = told.get(key) if isinstance(told, Mapping) else None
+    if told is None or told in KINDS:
+        return told
+    raise UserError(
+        f"{dataset / 'meta/info.json'}: features.action.info.joints is {shown(told)}, not one of {', '.join(KINDS)}"
+    )
 
 
 def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: RobotDescription) -> None:

@@ -68,7 +68,7 @@ class LerobotPolicy:
         self.name = f"lerobot:{folder}"
         self.cameras = cameras_of_checkpoint(self.checkpoint, settings)
         self.rate_hz, self.rate_from = rate_of(self.checkpoint, settings)
-        self.actions: ActionKind = settings.actions or "absolute"
+        self.actions: ActionKind = settings.actions or self.checkpoint.actions or "absolute"
         self._held: Proprioception | None = None
         self._loaded: _Loaded | None = None
 

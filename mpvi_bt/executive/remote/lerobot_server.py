@@ -63,7 +63,7 @@ class LerobotServerPolicy(PatientClient[LerobotConnection]):
             raise UserError(f"LeRobot's server speaks gRPC, which needs grpcio: {install('lerobot-grpc')}")
         self.cameras = cameras_of_checkpoint(self.checkpoint, settings)
         self.rate_hz, self.rate_from = rate_of(self.checkpoint, settings)
-        self.actions: ActionKind = settings.actions or "absolute"
+        self.actions: ActionKind = settings.actions or self.checkpoint.actions or "absolute"
 
     def _open(self, deadline: float) -> LerobotConnection:
         return LerobotConnection(self._address, deadline, self._settings.max_mb << 20)

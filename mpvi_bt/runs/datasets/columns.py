@@ -8,6 +8,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_layout import ActionKind
+from mpvi_bt.ground.robot.action_rows import of_kind
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import SIDES
 from mpvi_bt.ground.robot.robots import robot_named
@@ -16,6 +19,7 @@ from mpvi_bt.runs.datasets.demonstrations import CODEC, Demonstrated
 
 _ARM = [f"arm_{joint}" for joint in range(1, 8)]
 _POSTURE = ("lift", "waist_yaw", "waist_pitch", "head_tilt")
+_GRID = 1e-4  # of targets before they become changes [rad or m]; our choice
 Feature = dict[str, Any]
 
 
@@ -54,13 +58,15 @@ class OwnContent:
 
     Args:
         robot: The name of the robot.
+        actions: What joints in actions are; `features.action.info.joints` says it of others than absolute ones.
     """
 
     channels: str = "channels"
     time: Literal["float32", "float64"] = "float32"
 
-    def __init__(self, robot: str) -> None:
+    def __init__(self, robot: str, actions: ActionKind = "absolute") -> None:
         self.robot_type, model = robot, robot_named(robot)
+        self._actions, self._layout = actions, model.layout
         motors = list(model.layout.names)
         if isinstance(model, RobotModel):
             torso = _POSTURE if isinstance(model.trunk, LiftTrunk) else model.torso_joints
@@ -78,14 +84,26 @@ class OwnContent:
 
     def vectors(self) -> dict[str, Feature]:
         """Each with what its numbers are called."""
-        return {key: vector(len(names), {"motors": names}) for key, (_, names) in self._from.items()}
+        told = {key: vector(len(names), {"motors": names}) for key, (_, names) in self._from.items()}
+        if self._actions != "absolute":
+            told["action"]["info"] = {"joints": self._actions}
+        return told
 
     def check(self, episode: Demonstrated) -> None:
         """Anything recorded can be told so."""
 
     def columns(self, episode: Demonstrated) -> dict[str, NDArray[Any]]:
-        """As they were recorded."""
-        return {key: episode.frames[name].astype(np.float32) for key, (name, _) in self._from.items()}
+        """As they were recorded, but for another kind of actions: the first one begins where the robot is."""
+        told = {key: episode.frames[name] for key, (name, _) in self._from.items()}
+        if self._actions != "absolute":
+            targets, begin = (_on_grid(told[key]) for key in ("action", "observation.state"))
+            told["action"] = of_kind(targets, self._actions, episode.about.fps, begin[0], self._layout)
+        return {key: rows.astype(np.float32) for key, rows in told.items()}
+
+
+def _on_grid(rows: NDArray[Any]) -> Array:
+    """Rounded, so that joints at rest do not move by a millionth: a trainer scales all by how far they go."""
+    return np.round(rows.astype(float) / _GRID) * _GRID
 
 
 def features(

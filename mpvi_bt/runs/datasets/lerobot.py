@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mpvi_bt.ground.errors import UserError
+from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.writing import unwritable
 from mpvi_bt.runs.datasets import normalization as statistics
 from mpvi_bt.runs.datasets.behavior_dataset import BaseVelocity, BehaviorContent, BehaviorV21
@@ -39,6 +40,7 @@ class DatasetForm:
         prompt: What a row's task is: what the whole episode is told, or what the robot is at.
         size: Height and width [px] that all pictures are scaled to; None: as recorded.
         base_velocity: What BEHAVIOR's numbers say of it, see `BehaviorContent`.
+        actions: What joints in our own actions are.
     """
 
     format: Format = "v3.0"
@@ -46,6 +48,7 @@ class DatasetForm:
     prompt: Literal["instruction", "subtask"] = "instruction"
     size: int | None = None
     base_velocity: BaseVelocity = "zero"
+    actions: ActionKind = "absolute"
 
 
 def write_dataset(
@@ -68,7 +71,10 @@ def write_dataset(
     require_pandas()
     _check_alike(episodes, form)
     own = form.like is None
-    content = OwnContent(episodes[0].about.config.robot) if own else BehaviorContent(form.base_velocity)
+    if not own and form.actions != "absolute":
+        raise UserError(f"--actions {form.actions} is of our own keys; BEHAVIOR's joints are absolute")
+    robot = episodes[0].about.config.robot
+    content = OwnContent(robot, form.actions) if own else BehaviorContent(form.base_velocity)
     for episode in episodes:
         content.check(episode)
     if out.exists():
