@@ -20,7 +20,7 @@ from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.ground.words.phrases import Vocabulary
 from mpvi_bt.house.layout.house import load_house
 from mpvi_bt.house.things.catalogue import load_catalogue
-from mpvi_bt.house.things.kind_words import kind_words
+from mpvi_bt.house.things.kind_words import kind_sizes, kind_words
 from mpvi_bt.runs.choices.backends import eyes_of
 from mpvi_bt.testing import LabelSegmenter, check_checker, check_detector
 from tests.small_house import placed, small_world
@@ -228,6 +228,31 @@ def test_a_thing_is_not_next_to_a_piece_of_itself() -> None:
     criterion = "a can of soda is next to another can of soda"
     assert not LearnedChecker(eyes()).check(criterion, head(halves)).complete
     assert LearnedChecker(eyes()).check(criterion, head(apart)).complete
+
+
+def test_pieces_of_one_thing_are_one_thing() -> None:
+    """What an arm parts in the picture is one thing, if it is together no larger than one such thing is."""
+    sizes = {SODA: 0.15}
+    arm: Box = ("robot", (-0.3, -0.01, 0.3), (0.3, 0.01, 0.4))
+    for shift, count in ((0.0, 1), (0.1, 2)):
+        image = head([arm, (f"{SODA}_1", (-0.03, -0.05, 0.0), (0.03, 0.0, 0.1)),
+                      (f"{SODA}_2", (-0.03, shift, 0.0), (0.03, 0.05 + shift, 0.1))])  # fmt: skip
+        found = LearnedDetector(Eyes(LabelSegmenter(KINDS), WORDS, sizes), least_px=1).detect(image, ["can of soda"])
+        assert len(found) == count
+        assert len(LearnedDetector(eyes(), least_px=1).detect(image, ["can of soda"])) == 2
+        assert image.labels is not None
+        masks = [d.mask for d in found if d.mask is not None]
+        assert sum(np.count_nonzero(mask) for mask in masks) == np.isin(image.labels, [1, 2]).sum()
+        doubting = Eyes(Hoping(score=0.4), WORDS, sizes)  # what is not sure is no piece of anything
+        assert len(LearnedDetector(doubting, least_px=1).detect(image, ["can of soda"])) == 2
+
+
+def test_sizes_of_kinds_are_those_of_the_catalogue() -> None:
+    """Of all that can be carried, and of it alone: a can of soda is 12 cm high and 6 to 7 cm thick."""
+    sizes = kind_sizes(load_catalogue())
+    assert 0.12 < sizes[SODA] < 0.17
+    assert set(sizes) <= set(WORDS)
+    assert "sofa" not in sizes
 
 
 HELD: list[Box] = [("wall_1", (-0.03, -0.02, 0.13), (0.03, 0.02, 0.25)), ("floor_1", (-2, -2, 0.6), (2, 2, 1))]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.finding.perception.detector import ROBOT, SWITCH, switch_of
+from mpvi_bt.finding.perception.parted_things import wholes
 from mpvi_bt.finding.perception.segments import SWITCHES, Segmenter, Segments
 from mpvi_bt.ground.robot.protocol import CameraImage
 from mpvi_bt.ground.words.phrases import Vocabulary
@@ -27,8 +28,8 @@ class NamedSegment:
     """A segment under a name.
 
     Attributes:
-        name: In its picture only, such as "can__of__soda.n.01_2"; the robot's parts are `ROBOT`, and a switch is called
-            by its thing, "radio_receiver.n.01_1.switch".
+        name: In its picture only, such as "can__of__soda.n.01_2", and of pieces of one thing the same; the robot's
+            parts are `ROBOT`, and a switch is called by its thing, "radio_receiver.n.01_1.switch".
         kind: As `Segments` has it; of a switch that of its thing, and ".switch".
         label: Its number in the picture's labels.
         score: 0 to 1.
@@ -49,8 +50,17 @@ class Eyes:
         words: Kind to what people call such things.
     """
 
-    def __init__(self, segmenter: Segmenter, words: Mapping[str, Iterable[str]]) -> None:
-        """See by `segmenter`; `words` are of its kinds."""
+    def __init__(
+        self, segmenter: Segmenter, words: Mapping[str, Iterable[str]], sizes: Mapping[str, float] | None = None
+    ) -> None:
+        """See by `segmenter`.
+
+        Args:
+            segmenter: Any.
+            words: Of its kinds.
+            sizes: How long things of a kind are at most [m]: segments of one kind may be pieces of one thing.
+        """
+        self._sizes = dict(sizes or {})
         self.words = {kind: tuple(called) for kind, called in words.items()}
         switches = {kind + SWITCH: [switch_of(p) for p in called] for kind, called in self.words.items()}
         self._vocabulary = Vocabulary({**self.words, **switches})
@@ -77,6 +87,11 @@ class Eyes:
                 self._seen.append((image.rgb, segments))
         segments = segments.expecting(expected, thing)
         things = _named(segments)
+        sure = {thing.label: thing.kind for thing in things if thing.score >= SURE}
+        called = {thing.label: thing.name for thing in things}
+        for piece, whole in wholes(replace(image, labels=segments.labels), sure, self._sizes).items():
+            called[piece] = called[whole]
+        things = [replace(thing, name=called[thing.label]) for thing in things]
         names = {thing.label: thing.name for thing in things}
         return replace(image, labels=segments.labels, names=names), things
 

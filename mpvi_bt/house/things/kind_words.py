@@ -1,10 +1,12 @@
-"""What people call kinds of things: the catalogue's words, for networks that see kinds and no names."""
+"""What people call kinds of things, and how large these are, for networks that see kinds and no names."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from mpvi_bt.finding.perception.segments import FLOOR, FURNITURE, kind_of
+from mpvi_bt.ground.geometry.linear_algebra import norm
+from mpvi_bt.ground.geometry.solids import bounds
 from mpvi_bt.ground.words.spoken import spoken
 from mpvi_bt.house.things.catalogue import CatalogueEntry
 
@@ -20,6 +22,16 @@ def kind_words(entries: Iterable[CatalogueEntry]) -> dict[str, tuple[str, ...]]:
         for kind in _kinds(entry):
             words.setdefault(kind, {}).update(dict.fromkeys(entry.phrases))
     return {kind: tuple(called) for kind, called in words.items()}
+
+
+def kind_sizes(entries: Iterable[CatalogueEntry]) -> dict[str, float]:
+    """How long things are that can be carried, by kind: the largest diagonal of the boxes about them [m]."""
+    sizes: dict[str, float] = {}
+    for entry in entries:
+        if entry.mass_kg is not None:
+            kind, box = kind_of(f"{entry.synset}_1"), bounds(entry.description.solids())
+            sizes[kind] = max(sizes.get(kind, 0.0), float(norm(box[1] - box[0])))
+    return sizes
 
 
 def _kinds(entry: CatalogueEntry) -> set[str]:

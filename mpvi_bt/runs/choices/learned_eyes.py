@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mpvi_bt.finding.perception.shared_eyes import Eyes
 from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
-from mpvi_bt.house.things.kind_words import kind_words
+from mpvi_bt.house.things.kind_words import kind_sizes, kind_words
 from mpvi_bt.runs.choices.backends import choose
 
 
@@ -31,4 +31,4 @@ def _made(weights: str, catalogue: Catalogue) -> Eyes:
     from mpvi_bt.finding.eyes.segmenter import SHIPPED, LearnedSegmenter
 
     segmenter = LearnedSegmenter.load(Path(weights).expanduser() if weights else SHIPPED)
-    return Eyes(segmenter, kind_words(catalogue))
+    return Eyes(segmenter, kind_words(catalogue), kind_sizes(catalogue))
