@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -175,7 +176,8 @@ def swing(
 ) -> dict[Side, list[Array]] | None:
     """As `sweep`, whatever stands around: None if an arm would have to leap or the robot would touch itself."""
     out = {side: [body.arms[side]] for side in hands}
-    torsos = list(_torsos(body, torso, samples))
+    shares = np.linspace(0, 1, samples + 1).tolist()
+    torsos = list(zip(shares, _torsos(body.torso, torso, samples), strict=True))[1:]
     for side, path in hands.items():  # what is cheap to refute comes first
         for u, now in torsos:
             q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(now)), path(u)), side, out[side][-1])
@@ -198,12 +200,20 @@ def trunk_touching(body: Body, torso: Array, samples: int = 12) -> Body | None:
 
     They may leave what they touch, not come nearer, and have to be clear at the end.
     """
-    least = np.minimum(body.trunk_gaps(), 0.0) - 1e-6
-    for u, now in _torsos(body, torso, samples):
-        moved = replace(body, torso=now)
-        if (moved.trunk_gaps() <= (least if u < 1.0 else 0.0)).any():
-            return moved
-    return None
+    start, end = np.asarray(body.torso, float), np.asarray(torso, float)
+    centers, radii = _trunk_way(body.robot, start.tobytes(), end.tobytes(), samples)
+    gaps = body.around.distance(centers) - radii
+    least = np.vstack([np.tile(np.minimum(gaps[0], 0.0) - 1e-6, (samples - 1, 1)), np.zeros_like(gaps[:1])])
+    met = (gaps[1:] <= least).any(1)
+    return replace(body, torso=_torsos(start, end, samples)[1 + int(met.argmax())]) if met.any() else None
+
+
+@lru_cache(maxsize=512)
+def _trunk_way(robot: RobotModel, start: bytes, end: bytes, samples: int) -> tuple[Array, Array]:
+    """Spheres about the trunk, centers (samples + 1, n, 3) and radii (n,): searches ask the same at every base pose."""
+    torsos = _torsos(np.frombuffer(start), np.frombuffer(end), samples)
+    spheres = [Body(robot, torso, {}).trunk for torso in torsos]
+    return np.stack([centers for centers, _ in spheres]), spheres[0][1]
 
 
 def touching(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], samples: int = 12) -> Body | None:
@@ -212,18 +222,16 @@ def touching(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], sam
     They may not reduce a distance that is already small.
     """
     before = {s: min(_CORNERS_M if s in body.held else 0.0, body.distance(s, q)) - 1e-6 for s, q in body.arms.items()}
-    for k, (_, now) in enumerate(_torsos(body, torso, samples), 1):
+    for k, now in enumerate(_torsos(body.torso, torso, samples)[1:], 1):
         moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in arms.items()}})
         if any(moved.distance(s, q) <= before[s] for s, q in moved.arms.items()):
             return moved
     return None
 
 
-def _torsos(body: Body, torso: Array, samples: int) -> Iterator[tuple[float, Array]]:
-    """Shares of the way to a torso (4,), and what it is by then (4,)."""
-    start = np.asarray(body.torso, float)
-    for u in np.linspace(0, 1, samples + 1)[1:]:
-        yield float(u), start + (np.asarray(torso, float) - start) * u
+def _torsos(start: Array, end: Array, samples: int) -> Array:
+    """(samples + 1, 4) torsos on the way from one to another, both of them among these."""
+    return np.asarray(start, float) + (np.asarray(end, float) - start) * np.linspace(0, 1, samples + 1)[:, None]
 
 
 def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:

@@ -174,7 +174,7 @@ class Body:
         """
         there = replace(self, around=around, held=self.held if held is None else held)
         vars(there).update(
-            _chest=self._chest, from_chest=self.from_chest, _links=self._links, _trunk=self._trunk, _rests=self._rests
+            _chest=self._chest, from_chest=self.from_chest, _links=self._links, trunk=self.trunk, _rests=self._rests
         )
         return there
 
@@ -202,12 +202,12 @@ class Body:
 
     def whole(self) -> tuple[Array, Array]:
         """Centers (n, 3) in the base frame and radii (n,) of the spheres of trunk and arms, with what they hold."""
-        parts = [self._trunk, *((p[0], radii) for p, radii in (self.spheres(s, q) for s, q in self.arms.items()))]
+        parts = [self.trunk, *((p[0], radii) for p, radii in (self.spheres(s, q) for s, q in self.arms.items()))]
         return np.concatenate([p for p, _ in parts]), np.concatenate([radii for _, radii in parts])
 
     def trunk_gaps(self) -> Array:
         """(n,) how far the spheres about head, chest and the trunk's links keep from the surroundings [m]."""
-        centers, radii = self._trunk
+        centers, radii = self.trunk
         return self.around.distance(centers) - radii
 
     def trunk_free(self) -> bool:
@@ -232,7 +232,7 @@ class Body:
         return self.robot.links(self.torso)
 
     @cached_property
-    def _trunk(self) -> tuple[Array, Array]:
+    def trunk(self) -> tuple[Array, Array]:
         """Spheres about head, chest and the trunk's links in the base frame: centers (n, 3) and radii (n,)."""
         T, trunk = self._chest, self.robot.hull.trunk
         centers, radii = self._links
