@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mpvi_bt.finding.perception.color_patches import patches
 from mpvi_bt.finding.perception.detector import ROBOT, GuardedDetector
 from mpvi_bt.finding.perception.learned_checker import LearnedChecker
 from mpvi_bt.finding.perception.learned_detector import LearnedDetector
@@ -181,15 +182,16 @@ class Hopeful(Segments):
     taken_for: str = ""
     sure: float = 0.9
 
-    def expecting(self, kinds: Collection[str], thing: NDArray[np.bool_] | None = None) -> Segments:
+    def expecting(self, kinds: Collection[str], outlines: NDArray[np.int32] | None = None) -> Segments:
         self.asked.append(set(kinds))
         scores = np.array(
             [0.9 if kind in kinds else score for kind, score in zip(self.kinds, self.scores, strict=True)]
         )
-        if thing is None:
+        if outlines is None or not outlines.any():
             return dataclasses.replace(self, scores=scores)
-        labels = np.where(thing, len(self.kinds) + 1, self.labels).astype(np.int32)
-        return Segments(labels, (*self.kinds, self.taken_for), np.append(scores, self.sure))
+        count = int(outlines.max())
+        labels = np.where(outlines > 0, len(self.kinds) + outlines, self.labels).astype(np.int32)
+        return Segments(labels, (*self.kinds, *[self.taken_for] * count), np.append(scores, [self.sure] * count))
 
 
 class Hoping(LabelSegmenter):
@@ -211,11 +213,11 @@ def test_hands_and_checkers_expect_what_they_ask_for_and_a_search_does_not() -> 
     seeing = Eyes(segmenter, WORDS)
     far = LearnedDetector(seeing, least_px=1)
     assert {d.score for d in far.detect(CANS, ["can of soda"])} == {0.4}
-    assert segmenter.asked == [set()]
+    assert segmenter.asked == []
     assert {d.score for d in far.near.detect(CANS, ["can of soda"])} == {0.9}
     assert far.near.detect(CANS, ["trash can", "elephant"])[0].score == 0.9
     LearnedChecker(seeing).check("a can of soda is in the trash can", CANS)
-    assert segmenter.asked[1:] == [{SODA}, {BIN}, {SODA, BIN}]
+    assert segmenter.asked == [{SODA}, {BIN}, {SODA, BIN}]
     assert segmenter.passes == 1
 
 
@@ -245,6 +247,38 @@ def test_pieces_of_one_thing_are_one_thing() -> None:
         assert sum(np.count_nonzero(mask) for mask in masks) == np.isin(image.labels, [1, 2]).sum()
         doubting = Eyes(Hoping(score=0.4), WORDS, sizes)  # what is not sure is no piece of anything
         assert len(LearnedDetector(doubting, least_px=1).detect(image, ["can of soda"])) == 2
+
+
+def test_a_patch_of_color_may_be_what_is_missing() -> None:
+    """A light on a radio is its switch, if the network takes it for one when it looks at that alone; and surely."""
+    labels, rgb = np.zeros((30, 40), np.int32), np.full((30, 40, 3), 60, np.uint8)
+    labels[5:25, 5:35], rgb[8:12, 10:14] = 1, (30, 220, 60)
+    image = dataclasses.replace(picture(labels, {1: f"{RADIO}_1"}), rgb=rgb)
+    for taken_for, sure, seen in ((SWITCHES, 0.9, 16), (SWITCHES, 0.4, 0), (SODA, 0.9, 0)):
+        seeing = Eyes(Hoping(taken_for, sure), WORDS, {RADIO: 0.3})
+        found = LearnedDetector(seeing, least_px=1).near.detect(image, ["radio", "switch of the radio"])
+        assert sum(d.mask.sum() for d in found if d.mask is not None and d.phrase != "radio") == seen
+        assert sum(d.mask.sum() for d in found if d.mask is not None) == 600
+        judged = LearnedChecker(seeing).check("the radio is turned on", image)
+        assert judged.complete == (seen > 0)
+    unknown = Eyes(Hoping(SWITCHES), WORDS)  # nobody knows how large a radio is: it may be furniture
+    assert not LearnedDetector(unknown, least_px=1).near.detect(image, ["switch of the radio"])
+
+
+def test_patches_are_what_has_a_color_of_its_own() -> None:
+    """The faces of a thing are none; a hole in it is; the largest is the first."""
+    rgb, thing = np.full((40, 40, 3), 90, np.uint8), np.zeros((40, 40), bool)
+    thing[4:36, 4:36] = True
+    rgb[:20] = 120  # two faces
+    assert not patches(rgb, thing).any()
+    rgb[8:11, 8:11], rgb[24:30, 20:26] = (200, 30, 30), (30, 200, 30)
+    found = patches(rgb, thing)
+    assert (found[8:11, 8:11] == 2).all()
+    assert (found[24:30, 20:26] == 1).all()
+    assert np.count_nonzero(found) == 9 + 36
+    thing[24:30, 20:26] = False
+    assert (patches(rgb, thing) == found).all()
+    assert not patches(rgb, np.zeros_like(thing)).any()
 
 
 def test_sizes_of_kinds_are_those_of_the_catalogue() -> None:

@@ -78,18 +78,22 @@ class LearnedSegmenter:
         """What the picture shows, and what tells how sure that is."""
         return self._evidence(self._looked(image), ())
 
-    def _segments(self, looked: _Looked, expected: Collection[str], thing: NDArray[np.bool_] | None = None) -> Segments:
+    def _segments(self, looked: _Looked, expected: Collection[str], outlines: Labels | None = None) -> Segments:
         """As `Segments.expecting` says."""
         sight = looked
-        if thing is not None and thing.any():
-            told = np.concatenate([looked.told, self._told(looked, thing.astype(np.int32), 1)])
-            sight = replace(looked, things=np.where(thing, len(told), looked.things).astype(np.int32), told=told)
+        count = 0 if outlines is None else int(outlines.max(initial=0))
+        if outlines is not None and count:
+            told = np.concatenate([looked.told, self._told(looked, outlines, count)])
+            things = np.where(outlines > 0, len(looked.told) + outlines, looked.things).astype(np.int32)
+            sight = replace(looked, things=things, told=told)
         found = self._evidence(sight, expected)
         half = len(self._network.calibration) // 2
         weights = np.where(found.movable[:, None], self._network.calibration[half:], self._network.calibration[:half])
         odds = (weights * found.numbers).sum(1)
-        if sight is not looked and found.movable[k := int(found.labels[thing].max()) - 1]:
-            odds[k] = found.numbers[k, 1]  # its outline is known: only its kind can be wrong
+        if outlines is not None and count:  # of an outline that is given, only the kind can be wrong
+            given = np.setdiff1d(found.labels[outlines > 0], 0) - 1
+            given = given[found.movable[given]]
+            odds[given] = found.numbers[given, 1]
         return _LearnedSegments(found.labels, found.kinds, 1 / (1 + np.exp(-odds)), self, looked)
 
     def _looked(self, image: CameraImage) -> _Looked:
@@ -184,9 +188,9 @@ class _LearnedSegments(Segments):
     eyes: LearnedSegmenter
     looked: _Looked
 
-    def expecting(self, kinds: Collection[str], thing: NDArray[np.bool_] | None = None) -> Segments:
-        """By Bayes' rule, with the chances of these kinds that much higher before; only `thing` is looked at again."""
-        return self.eyes._segments(self.looked, kinds, thing) if kinds or thing is not None else self
+    def expecting(self, kinds: Collection[str], outlines: Labels | None = None) -> Segments:
+        """By Bayes' rule, these kinds that much likelier before; nothing but `outlines` is looked at again."""
+        return self.eyes._segments(self.looked, kinds, outlines) if kinds or outlines is not None else self
 
 
 def _prior(kinds: tuple[str, ...], expected: Collection[str], times: float) -> Planes:

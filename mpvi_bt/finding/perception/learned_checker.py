@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from mpvi_bt.executive.completion.criteria import parse
 from mpvi_bt.finding.perception.between_fingers import between_fingers
-from mpvi_bt.finding.perception.detector import ROBOT, SWITCH
+from mpvi_bt.finding.perception.detector import ROBOT, SWITCH, switch_of
 from mpvi_bt.finding.perception.segments import FLOOR
 from mpvi_bt.finding.perception.shared_eyes import SURE, Eyes, NamedSegment
 from mpvi_bt.finding.perception.visual_checker import Eyesight, VisualChecker
@@ -63,6 +63,8 @@ class LearnedChecker:
             return Judgement(False, "no picture to look at")
         asked = parse(criterion)
         phrases = (asked.subject, asked.object) if asked else ()
+        if asked and asked.relation in ("on", "off"):
+            phrases = (*phrases, switch_of(asked.subject))
         kinds = {kind for phrase in phrases for kind in self._eyes.meant(phrase)}
         seen, things = self._eyes.see(image, kinds)
         sure = [t for t in things if t.score >= SURE and not t.kind.endswith(SWITCH)]

@@ -42,12 +42,13 @@ class Segments:
     kinds: tuple[str, ...]
     scores: NDArray[np.float64]
 
-    def expecting(self, kinds: Collection[str], thing: NDArray[np.bool_] | None = None) -> Segments:
+    def expecting(self, kinds: Collection[str], outlines: NDArray[np.int32] | None = None) -> Segments:
         """The same picture, seen by who knows more; who has no doubts, as here, sees the same.
 
         Args:
             kinds: Asked for, and so likelier to be there.
-            thing: (H, W) pixels that are known to be one thing's, such as what is between the fingers.
+            outlines: (H, W) numbers from 1 of pixels that may each be one thing's, such as what is between the fingers;
+                0 elsewhere.
         """
         return self
 

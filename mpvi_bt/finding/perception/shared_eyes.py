@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from mpvi_bt.finding.perception.color_patches import patches
 from mpvi_bt.finding.perception.detector import ROBOT, SWITCH, switch_of
 from mpvi_bt.finding.perception.parted_things import wholes
 from mpvi_bt.finding.perception.segments import SWITCHES, Segmenter, Segments
@@ -69,7 +70,7 @@ class Eyes:
         self._lock = threading.Lock()  # each client of a server has a thread of its own
 
     def see(
-        self, image: CameraImage, expected: Collection[str] = (), thing: NDArray[np.bool_] | None = None
+        self, image: CameraImage, expected: Collection[str] = (), held: NDArray[np.bool_] | None = None
     ) -> tuple[CameraImage, list[NamedSegment]]:
         """The picture with the network's labels in place of any that it had, and its segments.
 
@@ -77,7 +78,9 @@ class Eyes:
 
         Args:
             image: Any camera's.
-            expected, thing: Kinds that are asked for, and pixels of one thing, as of `Segments.expecting`.
+            expected: Kinds that are asked for, which makes them likelier to be there. What is not seen of them may be a
+                patch of color on or in what is.
+            held: (H, W) pixels of one thing.
         """
         with self._lock:
             segments = next((seen for rgb, seen in self._seen if rgb is image.rgb), None)
@@ -85,7 +88,10 @@ class Eyes:
             segments = self._segmenter.segment(image)
             with self._lock:
                 self._seen.append((image.rgb, segments))
-        segments = segments.expecting(expected, thing)
+        if held is not None:
+            segments = segments.expecting(expected, held.astype(np.int32))
+        elif expected:
+            segments = self._closer(image, segments, {SWITCHES if k.endswith(SWITCH) else k for k in expected})
         things = _named(segments)
         sure = {thing.label: thing.kind for thing in things if thing.score >= SURE}
         called = {thing.label: thing.name for thing in things}
@@ -94,6 +100,24 @@ class Eyes:
         things = [replace(thing, name=called[thing.label]) for thing in things]
         names = {thing.label: thing.name for thing in things}
         return replace(image, labels=segments.labels, names=names), things
+
+    def _closer(self, image: CameraImage, segments: Segments, expected: Collection[str]) -> Segments:
+        """With patches of color within what is surely seen of the expected kinds, if they are taken for the others."""
+        seen = segments.expecting(expected)
+        sure = {k: kind for k, kind in enumerate(seen.kinds, 1) if seen.scores[k - 1] >= SURE and kind in expected}
+        missing = set(expected) - set(sure.values())
+        holders = [k for k, kind in sure.items() if kind in self._sizes]
+        if not missing or not holders:
+            return seen
+        found = patches(image.rgb, np.isin(seen.labels, holders))
+        closer = segments.expecting(expected, found)
+        wanted = [k for k, kind in enumerate(closer.kinds, 1) if kind in missing and closer.scores[k - 1] >= SURE]
+        kept = np.unique(found[np.isin(closer.labels, wanted) & (found > 0)])
+        if not len(kept):
+            return seen
+        number = np.zeros(found.max() + 1, np.int32)
+        number[kept] = np.arange(1, len(kept) + 1)
+        return segments.expecting(expected, number[found])
 
     def meant(self, phrase: str) -> set[str]:
         """Kinds that a phrase means, of switches too; none of what no kind is called."""
