@@ -58,20 +58,22 @@ def results(folder: Path) -> list[Result]:
 
 
 def pairs(played: list[Result], beside: list[Result]) -> Iterator[list[str]]:
-    """Rows of a table: task and start state, q by the plan on file and by the symbolic plan; then the means."""
+    """Rows of a table: task, start state, q by both plans and times where q differs; then the means of all."""
     on_file = {(one.task, one.instance_id): one for one in beside}
     both = [(on_file[key], one) for one in played if (key := (one.task, one.instance_id)) in on_file]
     q: dict[str, list[tuple[float, float]]] = {}
     for old, new in both:
         q.setdefault(new.task, []).append((old.q, new.q))
         times = (f"{one.time.simulator_time:.0f}" for one in (old, new))
-        yield [f"`{new.task}`", f"{new.instance_id}", f"{old.q:.2f}", f"{new.q:.2f}", *times]
+        if abs(new.q - old.q) > SAME_Q:
+            yield [f"`{new.task}`", f"{new.instance_id}", f"{old.q:.2f}", f"{new.q:.2f}", *times]
     means = np.mean([[o.q, n.q, o.time.simulator_time, n.time.simulator_time] for o, n in both], axis=0)
     changes = np.array([np.subtract(*np.mean(found, axis=0)[::-1]) for found in q.values()])
     drawn = np.random.default_rng(0).choice(changes, (DRAWS, len(changes))).mean(1)
     low, high = np.quantile(drawn, (0.025, 0.975))
     higher, lower = (sum(sign * (n.q - o.q) > SAME_Q for o, n in both) for sign in (1, -1))
-    told = f"{changes.mean():+.2f}, 95 % {low:+.2f} to {high:+.2f}; {higher} higher, {lower} lower"
+    told = f"{changes.mean():+.2f}, 95 % {low:+.2f} to {high:+.2f}; {higher} higher, {lower} lower, "
+    told += f"{len(both) - higher - lower} alike"
     yield [f"mean of {len(q)} tasks; difference {told}", "", *(f"{q:.2f}" for q in means[:2]),
            *(f"{seconds:.0f}" for seconds in means[2:])]  # fmt: skip
 
