@@ -249,6 +249,17 @@ def test_pieces_of_one_thing_are_one_thing() -> None:
         assert len(LearnedDetector(doubting, least_px=1).detect(image, ["can of soda"])) == 2
 
 
+def test_a_switch_on_a_piece_is_on_the_whole() -> None:
+    """Whichever piece of a radio it is seen on, and whatever that would be called alone."""
+    labels = np.zeros((30, 60), int)
+    labels[5:25, 5:30], labels[5:25, 34:50], labels[10:14, 40:44] = 1, 2, 3
+    image = picture(labels, {1: f"{RADIO}_1", 2: f"{RADIO}_2", 3: f"{RADIO}_2.switch"})
+    small = dataclasses.replace(image, K=np.diag([400.0, 400.0, 1.0]))
+    seen, things = Eyes(LabelSegmenter(KINDS), WORDS, {RADIO: 0.3}).see(small)
+    assert sorted(set(seen.names.values())) == [f"{RADIO}_1", f"{RADIO}_1.switch"]
+    assert len(things) == 3
+
+
 def test_a_patch_of_color_may_be_what_is_missing() -> None:
     """A light on a radio is its switch, if the network takes it for one when it looks at that alone; and surely."""
     labels, rgb = np.zeros((30, 40), np.int32), np.full((30, 40, 3), 60, np.uint8)

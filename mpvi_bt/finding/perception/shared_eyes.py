@@ -59,7 +59,8 @@ class Eyes:
         Args:
             segmenter: Any.
             words: Of its kinds.
-            sizes: How long things of a kind are at most [m]: segments of one kind may be pieces of one thing.
+            sizes: How long things of a kind are at most [m], of those that can be carried: segments of one kind may be
+                pieces of one thing, and patches on it other things.
         """
         self._sizes = dict(sizes or {})
         self.words = {kind: tuple(called) for kind, called in words.items()}
@@ -95,9 +96,9 @@ class Eyes:
         things = _named(segments)
         sure = {thing.label: thing.kind for thing in things if thing.score >= SURE}
         called = {thing.label: thing.name for thing in things}
-        for piece, whole in wholes(replace(image, labels=segments.labels), sure, self._sizes).items():
-            called[piece] = called[whole]
-        things = [replace(thing, name=called[thing.label]) for thing in things]
+        parted = wholes(replace(image, labels=segments.labels), sure, self._sizes)
+        whole_of = {called[piece]: called[whole] for piece, whole in parted.items()}
+        things = [replace(thing, name=_renamed(thing.name, whole_of)) for thing in things]
         names = {thing.label: thing.name for thing in things}
         return replace(image, labels=segments.labels, names=names), things
 
@@ -110,6 +111,8 @@ class Eyes:
         if not missing or not holders:
             return seen
         found = patches(image.rgb, np.isin(seen.labels, holders))
+        if not found.any():
+            return seen
         closer = segments.expecting(expected, found)
         wanted = [k for k, kind in enumerate(closer.kinds, 1) if kind in missing and closer.scores[k - 1] >= SURE]
         kept = np.unique(found[np.isin(closer.labels, wanted) & (found > 0)])
@@ -122,6 +125,12 @@ class Eyes:
     def meant(self, phrase: str) -> set[str]:
         """Kinds that a phrase means, of switches too; none of what no kind is called."""
         return {ROBOT} if phrase == ROBOT else set(self._vocabulary.named(phrase))
+
+
+def _renamed(name: str, names: Mapping[str, str]) -> str:
+    """The new name of a thing, or of its switch."""
+    thing = name.removesuffix(SWITCH)
+    return names.get(thing, thing) + name[len(thing) :]
 
 
 def _named(segments: Segments) -> list[NamedSegment]:
