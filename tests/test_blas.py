@@ -39,6 +39,7 @@ OF_NUMPY = {
 # Of scipy, what was seen to call neither.
 FREE = {
     *("scipy.ndimage", "scipy.sparse.csgraph.dijkstra", "scipy.optimize.linear_sum_assignment"),
+    *("scipy.sparse.coo_matrix", "scipy.sparse.csgraph.connected_components"),
     *("scipy.spatial.KDTree", "scipy.spatial.cKDTree", "scipy.spatial.ConvexHull", "scipy.spatial.QhullError"),
     "scipy.special.erf",
     "scipy.spatial.transform.Rotation",
