@@ -18,16 +18,16 @@ import click
 import numpy as np
 
 from benchmarks.origin import grid
+from benchmarks.paired_results import change, paired, results
 from mpvi_bt.executive.plan.schema import Navigation, Plan
 from mpvi_bt.ground.errors import MpviError
 from mpvi_bt.house.instances.tasks import load_task
-from mpvi_bt.runs.episode.result import Result, read_result
+from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.report.compare import SAME_Q
 from mpvi_bt.runs.symbolic.symbolic_planner import SymbolicPlanner
 from tests.symbolic_state import CannotBe
 from tests.test_plans50 import TASKS, plan_of, unmet
 
-DRAWS = 4000  # of tasks, for an interval
 _FOLDER = click.Path(path_type=Path, exists=True)
 
 
@@ -51,16 +51,9 @@ def _drives(plan: Plan) -> int:
     return sum(isinstance(segment, Navigation) for segment in plan.segments)
 
 
-def results(folder: Path) -> list[Result]:
-    """Results of runs, in any folders below one; without those that are no result."""
-    found = (read_result(file) for file in sorted(folder.rglob("*.json")))
-    return sorted((one for one in found if one is not None), key=lambda one: (one.task, one.instance_id))
-
-
 def pairs(played: list[Result], beside: list[Result]) -> Iterator[list[str]]:
     """Rows of a table: task, start state, q by both plans and times where q differs; then the means of all."""
-    on_file = {(one.task, one.instance_id): one for one in beside}
-    both = [(on_file[key], one) for one in played if (key := (one.task, one.instance_id)) in on_file]
+    both = [(old, new) for new, old in paired(played, beside)]
     q: dict[str, list[tuple[float, float]]] = {}
     for old, new in both:
         q.setdefault(new.task, []).append((old.q, new.q))
@@ -69,11 +62,8 @@ def pairs(played: list[Result], beside: list[Result]) -> Iterator[list[str]]:
             yield [f"`{new.task}`", f"{new.instance_id}", f"{old.q:.2f}", f"{new.q:.2f}", *times]
     means = np.mean([[o.q, n.q, o.time.simulator_time, n.time.simulator_time] for o, n in both], axis=0)
     changes = np.array([np.subtract(*np.mean(found, axis=0)[::-1]) for found in q.values()])
-    drawn = np.random.default_rng(0).choice(changes, (DRAWS, len(changes))).mean(1)
-    low, high = np.quantile(drawn, (0.025, 0.975))
     higher, lower = (sum(sign * (n.q - o.q) > SAME_Q for o, n in both) for sign in (1, -1))
-    told = f"{changes.mean():+.2f}, 95 % {low:+.2f} to {high:+.2f}; {higher} higher, {lower} lower, "
-    told += f"{len(both) - higher - lower} alike"
+    told = f"{change(changes)}; {higher} higher, {lower} lower, {len(both) - higher - lower} alike"
     yield [f"mean of {len(q)} tasks; difference {told}", "", *(f"{q:.2f}" for q in means[:2]),
            *(f"{seconds:.0f}" for seconds in means[2:])]  # fmt: skip
 

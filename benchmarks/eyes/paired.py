@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from benchmarks.failing.keeping import keeping, tell
-from benchmarks.symbolic_plans import results
+from benchmarks.paired_results import results
 from benchmarks.tables import Cell, Column
 from mpvi_bt.ground.writing import write_whole
 from mpvi_bt.runs.choices.config import EpisodeConfig

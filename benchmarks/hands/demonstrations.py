@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -12,9 +11,9 @@ from typing import Any
 import click
 import numpy as np
 
+from benchmarks.hands.recorded_seeds import record as record_seeds
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.trial import Trial
-from benchmarks.pool import play_all
 from mpvi_bt.executive.plan.clauses import match
 from mpvi_bt.executive.plan.skills import load_skills
 from mpvi_bt.executive.ticking.loop import Outcome
@@ -42,7 +41,6 @@ _LIMIT_S = 40.0
 _STEADY = 3  # times in a row that the truth says yes, asked six times a second
 _NOISY = 0.5  # of the episodes have the errors of `REALISTIC` senses, and a detector's
 _DETECTOR = DetectionErrors(miss=0.05, jitter=1.0)
-_WALL_LIMIT_S = 300.0
 
 
 class _Watch:
@@ -125,10 +123,6 @@ def demonstrate(
     return row | {"wall_s": round(time.perf_counter() - started, 2)}
 
 
-def _failed(seed: int, cause: str) -> dict[str, Any]:
-    return {"seed": seed, "ok": False, "note": cause}
-
-
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--skill", type=click.Choice(list(MIXES)), default="pick", show_default=True)
@@ -145,20 +139,8 @@ def main(
     if unknown := set(chosen) - set(MIXES[skill]):
         raise click.UsageError(f"{skill} has no case {', '.join(sorted(unknown))}; it has {', '.join(MIXES[skill])}")
     folder /= skill
-    folder.mkdir(parents=True, exist_ok=True)
-    log = folder / "log.jsonl"
-    tried = {json.loads(line)["seed"] for line in log.read_text().splitlines()} if log.exists() else set()
-    seeds = [seed for seed in range(first, first + count) if seed not in tried]
     play = partial(demonstrate, folder=folder, skill=skill, episodes=episodes, chosen=chosen)
-    kept = 0
-    with log.open("a", encoding="utf-8") as file:
-        rows = play_all(play, _failed, seeds, workers, _WALL_LIMIT_S)
-        for done, row in enumerate(rows, start=1):
-            kept += row["ok"]
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            if done % 20 == 0 or done == len(seeds):
-                click.echo(f"{done}/{len(seeds)}: {kept} kept", err=True)
+    record_seeds(folder, play, first, count, workers)
 
 
 if __name__ == "__main__":

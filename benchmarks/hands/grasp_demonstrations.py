@@ -6,7 +6,6 @@ looked and planned like `--pregrasp`, so a policy begins later where its demonst
 
 from __future__ import annotations
 
-import json
 import time
 from functools import partial
 from pathlib import Path
@@ -15,9 +14,9 @@ from typing import Any
 import click
 import numpy as np
 
+from benchmarks.hands.recorded_seeds import record as record_seeds
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.trial import Trial
-from benchmarks.pool import play_all
 from mpvi_bt.executive.plan.skills import SkillCall, load_skills
 from mpvi_bt.executive.ticking.loop import Outcome
 from mpvi_bt.ground.errors import BackendError
@@ -36,7 +35,6 @@ FIRST_SEED = 200_000  # far from those that policies are compared on
 _LIMIT_S = 60.0
 _STEADY = 6  # times in a row that the truth says yes, asked six times a second
 _NOISY = 0.5  # of the episodes have the errors of `REALISTIC` senses
-_WALL_LIMIT_S = 300.0
 
 
 class Taker(PregraspPolicy):
@@ -119,10 +117,6 @@ def _steady(trial: Trial, world: SimWorld, row: dict[str, Any]) -> bool:
     return bool(row.get("good", 0) >= _STEADY)
 
 
-def _failed(seed: int, cause: str) -> dict[str, Any]:
-    return {"seed": seed, "ok": False, "note": cause}
-
-
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--case", "-c", "cases", type=click.Choice(["floor", "table", "counter", "clutter"]), multiple=True,
@@ -136,19 +130,7 @@ def main(
     folder: Path, cases: tuple[str, ...], hand: Side, fps: int, count: int, first: int, workers: int
 ) -> None:  # fmt: skip
     """Record picks into FOLDER, an episode each; those that were tried are not tried again."""
-    folder.mkdir(parents=True, exist_ok=True)
-    log = folder / "log.jsonl"
-    tried = {json.loads(line)["seed"] for line in log.read_text().splitlines()} if log.exists() else set()
-    seeds = [seed for seed in range(first, first + count) if seed not in tried]
-    play = partial(demonstrate, folder=folder, cases=cases, hand=hand, fps=fps)
-    kept = 0
-    with log.open("a", encoding="utf-8") as file:
-        for done, row in enumerate(play_all(play, _failed, seeds, workers, _WALL_LIMIT_S), start=1):
-            kept += row["ok"]
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            if done % 20 == 0 or done == len(seeds):
-                click.echo(f"{done}/{len(seeds)}: {kept} kept", err=True)
+    record_seeds(folder, partial(demonstrate, folder=folder, cases=cases, hand=hand, fps=fps), first, count, workers)
 
 
 if __name__ == "__main__":

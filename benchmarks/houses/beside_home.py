@@ -15,27 +15,22 @@ import click
 import numpy as np
 
 from benchmarks.origin import grid
-from benchmarks.symbolic_plans import results
+from benchmarks.paired_results import change, paired, results
 from mpvi_bt.runs.episode.result import Result
 from mpvi_bt.runs.report.compare import SAME_Q
-
-_DRAWS = 4000  # of houses, for an interval
 
 
 def rows(there: Sequence[Result], home: Sequence[Result]) -> Iterator[list[str]]:
     """A row a house, one of the means over houses, then one for each task whose q differs from that at home."""
-    at_home = {(one.task, one.instance_id): one for one in home}
-    pairs = [(one, at_home[key]) for one in there if (key := (one.task, one.instance_id)) in at_home]
+    pairs = paired(there, home)
     houses: dict[str, list[tuple[float, float]]] = {}
     for new, old in sorted(pairs, key=lambda pair: str(pair[0].config["house"])):
         houses.setdefault(str(new.config["house"]), []).append((new.q, old.q))
     for house, q in houses.items():
         yield [house, f"{len(q)}", *(f"{mean:.2f}" for mean in np.mean(q, axis=0))]
     means = np.array([np.mean(q, axis=0) for q in houses.values()])
-    drawn = np.random.default_rng(0).choice(means[:, 0] - means[:, 1], (_DRAWS, len(means))).mean(1)
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    change = f"{(means[:, 0] - means[:, 1]).mean():+.2f}, 95 % {low:+.2f} to {high:+.2f}"
-    yield [f"mean of {len(houses)} houses; difference {change}", f"{len(pairs)}", *(f"{q:.2f}" for q in means.mean(0))]
+    told = f"mean of {len(houses)} houses; difference {change(means[:, 0] - means[:, 1])}"
+    yield [told, f"{len(pairs)}", *(f"{q:.2f}" for q in means.mean(0))]
     for new, old in pairs:
         if abs(new.q - old.q) > SAME_Q:
             yield [f"`{new.task}` in {new.config['house']}", "1", f"{new.q:.2f}", f"{old.q:.2f}"]

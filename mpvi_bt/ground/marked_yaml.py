@@ -230,7 +230,10 @@ def problems_of(
 
 
 def _of_the_kind_meant(problems: Iterable[Problem]) -> Iterator[Problem]:
-    """Of several kinds of values that may stand at a place: what the kind lacks that is there, or all kinds in one."""
+    """One message for a value of several possible kinds.
+
+    A value of one of these kinds gets that kind's problems alone. A value of none gets one problem with all kinds.
+    """
     places: dict[tuple[int, int, str], list[Problem]] = {}
     for problem in problems:
         places.setdefault((problem.line, problem.column, problem.pointer), []).append(problem)

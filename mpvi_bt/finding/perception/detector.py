@@ -41,10 +41,10 @@ class Detection:
 class Detector(Protocol):
     """Finds things by phrases.
 
-    One whose answers depend on the pictures before may have `save()`, which gives that as JSON values, and
-    `restore(saved)`: a run that was stopped goes on with it. One that leaves out small things, whose places are
-    uncertain from afar, may have `near`: the same detector with small things, for hands. Where one has not
-    `knows_robot = True`, hands tell the robot's own parts by its joints, too.
+    A detector that remembers earlier pictures may have `save()`, its memory as JSON values, and `restore(saved)`: then
+    a stopped run can go on. From afar the places of small things are uncertain. A detector that leaves them out may
+    have `near`: the same detector with small things, for hands. Without `knows_robot = True` hands tell the robot's own
+    parts by its joints, too.
 
     Attributes:
         name: As given on the command line.

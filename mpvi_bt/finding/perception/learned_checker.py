@@ -23,7 +23,7 @@ from mpvi_bt.ground.robot.robots import robot_named
 
 # Our choice.
 _RING_PX = 3  # how far around a thing in a hand one looks for what it is a part of
-_MOST = 0.5  # so much of that must be what is asked for; and so much of a thing is of what it is taken for [ratio]
+_MOST = 0.5  # share of that ring on the thing asked for, and of held pixels on one segment, that is enough [ratio]
 _FLUSH = (0.03, 0.03)  # pieces of one thing: their depth differs by no more where they border [m, and part of it]
 
 
@@ -79,8 +79,8 @@ class LearnedChecker:
     def _held(self, image: CameraImage, subject: str, judged: Judgement) -> Judgement:
         """By what is between the fingers, looked at as one thing.
 
-        If nobody can tell what that is, and it is seen before what is asked for, it is a part of it: a trash can is
-        held by its bail.
+        A held part without a known kind counts as the thing that surrounds it in the picture: a trash can is held by
+        its bail.
 
         Args:
             image: A wrist camera's.
