@@ -84,6 +84,24 @@ def test_what_is_no_file_of_pictures_is_said(tmp_path: Path) -> None:
         Tiles(tmp_path / "none", ("chair",))
 
 
+@pytest.mark.parametrize("array", ["count", "kinds", "drawn", "K", "T_world_camera", "camera", "picture_0"])
+@pytest.mark.parametrize("change", ["shorter", "words", "gone"])
+def test_arrays_that_do_not_fit_one_another_are_refused(tmp_path: Path, array: str, change: str) -> None:
+    """No picture gets the things or the place of another."""
+    write_pictures(tmp_path / "some.npz", [picture(0), picture(1)])
+    with np.load(tmp_path / "some.npz") as kept:
+        arrays = dict(kept)
+    if change == "gone":
+        del arrays[array]
+    elif change == "shorter" or arrays[array].dtype.kind == "U":
+        arrays[array] = arrays[array][:-1]
+    else:
+        arrays[array] = np.full(arrays[array].shape, "x")
+    np.savez(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(UserError, match=r"bad\.npz: (is no file of pictures|picture 0 is damaged)"):
+        list(PictureFile(tmp_path / "bad.npz"))
+
+
 def test_inputs_tell_height_and_level_surfaces() -> None:
     """The floor is at height 0 and level, the wall upright, whichever way the camera is turned about the vertical."""
     seen = picture()

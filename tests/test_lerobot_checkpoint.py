@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import json
 from pathlib import Path
 from typing import Any
 
@@ -190,6 +191,23 @@ def test_what_does_not_fit_the_robot_is_refused(trained: Path, config: dict[str,
     one = read_checkpoint(checkpoint(trained, **config))
     with pytest.raises(UserError, match=said):
         check_fit(one, DialectSettings(), robot_named(robot))
+
+
+def test_who_says_nothing_of_the_robot_is_named(tmp_path: Path) -> None:
+    """The file in which it should stand, whichever that is."""
+    picks = dataset(tmp_path / "picks")
+    act = checkpoint(tmp_path / "act", picks)
+    for root in ("gone", "x" * 5000, "a\0b"):
+        (act / "train_config.json").write_text(json.dumps({"dataset": {"root": root}}))
+        with pytest.raises(UserError, match=r"dataset is not where .*act/train_config\.json says"):
+            check_fit(read_checkpoint(act), DialectSettings(), robot_named("r1"))
+    (act / "train_config.json").unlink()
+    with pytest.raises(UserError, match=r"it has no train_config\.json"):
+        check_fit(read_checkpoint(act), DialectSettings(), robot_named("r1"))
+    (picks / "meta/info.json").write_text('{"fps": 10}')
+    one = read_checkpoint(checkpoint(tmp_path / "act", picks))
+    with pytest.raises(UserError, match=r"picks/meta/info\.json has no robot_type"):
+        check_fit(one, DialectSettings(), robot_named("r1"))
 
 
 @pytest.mark.parametrize("robot", ["r1", "r1pro", "fetch"])

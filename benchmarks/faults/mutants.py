@@ -23,6 +23,7 @@ import yaml
 
 from benchmarks.faults.samples import Kind, kinds
 from benchmarks.faults.trials import Outcome, drawn, judged, options, play
+from benchmarks.faults.user_samples import user_kinds
 
 MOST_MB = 2000  # of memory more than at first
 CPU_S, WALL_S = 5.0, 60.0
@@ -39,7 +40,7 @@ class Mutants:
 
     def __init__(self, seed: int, folder: Path, found: list[Kind] | None = None) -> None:
         self._seed, self._folder = seed, folder
-        self.kinds = kinds(folder / "made") if found is None else found
+        self.kinds = [*kinds(folder / "made"), *user_kinds(folder / "made")] if found is None else found
 
     def made(self, number: int) -> tuple[Kind, str, str, bytes, bytes]:
         """Kind, place, what was done, the good and the broken file of a number."""
@@ -117,12 +118,12 @@ def _arrays_differ(good: bytes, broken: bytes) -> str:
     except Exception as error:  # whatever zipfile, zlib and numpy make of it
         return f"it is no archive of arrays ({type(error).__name__})"
     due = read(good)
-    bad = [n for n, a in due.items() if n not in found or a.shape != found[n].shape or not _same(a, found[n])]
+    bad = [n for n, a in due.items() if not isinstance(found.get(n), np.ndarray) or not _same(a, found[n])]
     return f"its array {bad[0]!r} is another" if bad else ""
 
 
 def _same(a: Any, b: Any) -> bool:
-    return bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f"))
+    return a.shape == b.shape and bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f"))
 
 
 def _digest_differs(good: bytes, text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
 
 CONFIG, PROCESSOR, TRAINING = "config.json", "policy_preprocessor.json", "train_config.json"
 STATE, POSE, PICTURES = "observation.state", "observation.base_pose", "observation.images."  # of `mpvi dataset`
+INFO = "meta/info.json"  # of a dataset
 _MOST = 1 << 16  # numbers of a feature
 _INSIDE = (".", "pretrained_model", "checkpoints/last/pretrained_model")  # where a folder of lerobot-train has them
 
@@ -82,7 +84,7 @@ def read_checkpoint(given: Path, weights: bool = True) -> LerobotCheckpoint:
         said = "it was saved by a LeRobot before 0.4; LeRobot's migrate_policy_normalization makes a new one of it"
         raise UserError(f"{folder}: {PROCESSOR} is missing: {said}")
     sizes = {key: _shape(feature, key, folder) for key, feature in inputs.items()}
-    pictures = {key: size[1:] for key, size in sizes.items() if inputs[key]["type"] == "VISUAL"}
+    pictures = {key: size[1:] for key, size in sizes.items() if inputs[key].get("type") == "VISUAL"}
     remembers = config.get("n_obs_steps", 1) != 1 or config.get("temporal_ensemble_coeff") is not None
     rows = config.get("n_action_steps", config.get("chunk_size", 1))
     if type(rows) is not int or not 1 <= rows <= MOST_ACTIONS:
@@ -160,8 +162,9 @@ def _dataset(folder: Path) -> tuple[Path | None, dict[str, Any]]:
     root = told.get("root") if isinstance(told, dict) else None
     if isinstance(root, str):
         for base in (Path(), *folder.absolute().parents):  # a relative one is from where it was trained
-            if (info := base / root / "meta/info.json").is_file():
-                return base / root, _json(info)
+            with contextlib.suppress(OSError, ValueError):  # a root that no file could have
+                if (info := base / root / INFO).is_file():
+                    return base / root, _json(info)
     return None, {}
 
 
@@ -172,9 +175,7 @@ def _kind(about: Mapping[str, Any], dataset: Path) -> ActionKind | None:
         told = told.get(key) if isinstance(told, Mapping) else None
     if told is None or told in KINDS:
         return told
-    raise UserError(
-        f"{dataset / 'meta/info.json'}: features.action.info.joints is {shown(told)}, not one of {', '.join(KINDS)}"
-    )
+    raise UserError(f"{dataset / INFO}: features.action.info.joints is {shown(told)}, not one of {', '.join(KINDS)}")
 
 
 def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: RobotDescription) -> None:
@@ -187,24 +188,32 @@ def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: R
     """
     called, layout = f"the checkpoint {checkpoint.folder}", settings.observation
     theirs = settings.robot or checkpoint.robot
+    info = checkpoint.dataset / INFO if checkpoint.dataset else None
     if theirs is None:
+        training = checkpoint.folder / TRAINING
+        lost = f"its dataset is not where {training} says" if training.is_file() else f"it has no {TRAINING}"
+        why = f"{info} has no robot_type" if info else lost
         raise UserError(
-            f"nobody says of which robot {called} is: its dataset is not where it was trained. If it is of the "
+            f"nobody says of which robot {called} is: {why}. If it is of the "
             f"{robot.name}, write `robot: {robot.name}` in a file of settings (--policy-settings)."
         )
     if _named(theirs) != robot.name:
-        raise UserError(f"{called} is of the robot {theirs}, not of the {robot.name}: choose it with --robot.")
+        by = f" (robot_type of {info})" if info and not settings.robot else ""
+        raise UserError(f"{called} is of the robot {theirs}, not of the {robot.name}: choose it with --robot{by}.")
     check_robot(settings.model_copy(update={"robot": robot.name}), robot)
     if layout is not None and layout.prompts is not None:
         raise UserError(f"{called} is told each subtask: its settings have no 'prompts', which are of servers.")
+    wanting = f"{checkpoint.folder / CONFIG}: the checkpoint"
     instead = "say in a file of settings what goes there (--policy-settings, docs/lerobot.md)"
     sent = _sent(settings, robot)
     for key, wanted in checkpoint.numbers.items():
         if key not in sent:
             known = ", ".join(sent) or "none"
-            raise UserError(f"{called} wants numbers as {key!r}, and of the {robot.name} are sent: {known}; {instead}.")
+            raise UserError(
+                f"{wanting} wants numbers as {key!r}, and of the {robot.name} are sent: {known}; {instead}."
+            )
         if sent[key] != wanted:
-            raise UserError(f"{called} wants {wanted} numbers as {key!r}; of the {robot.name} they are {sent[key]}.")
+            raise UserError(f"{wanting} wants {wanted} numbers as {key!r}; of the {robot.name} they are {sent[key]}.")
     pictures: Mapping[str, tuple[int, ...] | None]
     if layout is None:
         pictures = {PICTURES + camera: None for camera in robot.cameras}
@@ -213,13 +222,13 @@ def check_fit(checkpoint: LerobotCheckpoint, settings: DialectSettings, robot: R
     for key, size in checkpoint.pictures.items():
         if key not in pictures:
             known = ", ".join(pictures) or "none"
-            raise UserError(f"{called} wants pictures as {key!r}, and the {robot.name} has: {known}; {instead}.")
+            raise UserError(f"{wanting} wants pictures as {key!r}, and the {robot.name} has: {known}; {instead}.")
         if (given := pictures[key]) is not None and tuple(given) != size:
-            raise UserError(f"{called} wants {key!r} of {size}, and the settings scale it to {tuple(given)}.")
+            raise UserError(f"{wanting} wants {key!r} of {size}, and the settings scale it to {tuple(given)}.")
     answered = settings.action.told_size or robot.layout.size
     if answered != checkpoint.action_size:
         raise UserError(
-            f"{called} answers actions of {checkpoint.action_size} numbers; of the {robot.name} they are {answered}."
+            f"{wanting} answers actions of {checkpoint.action_size} numbers; of the {robot.name} they are {answered}."
         )
 
 

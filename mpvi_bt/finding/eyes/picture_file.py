@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 
 _DEPTH_M = 0.00025  # a step of depth on file; 16.4 m is the farthest
+_UNREADABLE = (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error, AttributeError, NotImplementedError)
+_TOLD = {"count": "iu", "kinds": "U", "drawn": "U", "K": "f", "T_world_camera": "f", "camera": "U"}  # kinds of arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +84,14 @@ class PictureFile:
         self._path = path
         try:
             self._file = np.load(path, allow_pickle=False)
-            self._K, self._T, self._camera = (self._file[name] for name in ("K", "T_world_camera", "camera"))
-            self._last = np.cumsum(self._file["count"]).tolist()
-            self._kinds, self._drawn = (self._file[name].tolist() for name in ("kinds", "drawn"))
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, AttributeError) as error:
-            raise UserError(f"{path}: is no file of pictures ({str(error).splitlines()[0][:100]})") from None
+            told = {name: self._file[name] for name in _TOLD}
+        except _UNREADABLE as error:
+            raise UserError(f"{path}: is no file of pictures ({' '.join(str(error).split())[:100]})") from None
+        if wrong := _misfit(told):
+            raise UserError(f"{path}: is no file of pictures ({wrong})")
+        self._K, self._T, self._camera = told["K"], told["T_world_camera"], told["camera"]
+        self._last = np.cumsum(told["count"]).tolist()
+        self._kinds, self._drawn = told["kinds"].tolist(), told["drawn"].tolist()
 
     @property
     def kinds(self) -> frozenset[str]:
@@ -108,8 +114,15 @@ class PictureFile:
         """
         try:
             planes = self._file[f"picture_{k}"]
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise UserError(f"{self._path}: picture {k} is damaged ({str(error)[:100]})") from None
+        except _UNREADABLE as error:
+            raise UserError(f"{self._path}: picture {k} is damaged ({' '.join(str(error).split())[:100]})") from None
+        if (
+            not isinstance(planes, np.ndarray)
+            or planes.dtype != np.uint8
+            or planes.shape[:1] != (6,)
+            or planes.ndim != 3
+        ):
+            raise UserError(f"{self._path}: picture {k} is damaged (it has no six planes of bytes)")
         things = slice(self._last[k - 1] if k else 0, self._last[k])
         depth = planes[3].astype(np.float32) * np.float32(256 * _DEPTH_M) + planes[4] * np.float32(_DEPTH_M)
         return LabeledPicture(
@@ -122,6 +135,23 @@ class PictureFile:
             T_world_camera=self._T[k],
             camera=str(self._camera[k]),
         )
+
+
+def _misfit(told: Mapping[str, Any]) -> str:
+    """What is wrong with the arrays that tell of the pictures; "" if they fit one another."""
+    for name, kind in _TOLD.items():
+        array = told[name]
+        if not isinstance(array, np.ndarray) or array.dtype.kind not in kind or (array.ndim != 1 and kind != "f"):
+            return f"its array {name!r} is of another kind"
+    n, things = len(told["count"]), len(told["kinds"])
+    sizes = {"K": (n, 3, 3), "T_world_camera": (n, 4, 4), "camera": (n,), "drawn": (things,)}
+    for name, size in sizes.items():
+        if told[name].shape != size:
+            return f"its array {name!r} is {told[name].shape}, not {size}"
+    if (told["count"] < 0).any() or told["count"].sum() != things:
+        return f"its pictures are to have {told['count'].sum()} things, and {things} are told of"
+    bad = [name for name, kind in _TOLD.items() if kind == "f" and not np.isfinite(told[name]).all()]
+    return f"its array {bad[0]!r} has numbers that are not finite" if bad else ""
 
 
 class _Pictures(Sequence[LabeledPicture]):
