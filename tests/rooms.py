@@ -41,7 +41,7 @@ WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("goals",),
         ("things", "truth"),
         ("generated",),
-        ("layout",),
+        ("layout", "imported"),
         ("sim",),
         ("instances",),
         ("maniskill",),

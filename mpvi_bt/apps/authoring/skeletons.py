@@ -261,6 +261,24 @@ def new_house(name: str, seed: int | None = None, rooms: Sequence[str] = (), lik
     return Skeleton({place: text}, (f"mpvi check ROOT/{place}",), (f"a task is there by `house: {name}`",))
 
 
+def new_imported_house(name: str, file: Path, line: int = 1) -> Skeleton:
+    """A house of ProcTHOR's, rebuilt from fixtures of the catalogue; what is other than there is in its remarks.
+
+    Args:
+        name: Of the house.
+        file, line: As `imported_house` takes them.
+
+    Raises:
+        UserError: The name is taken, or as of `imported_house`.
+    """
+    from mpvi_bt.house.imported.imported_house import imported_house
+
+    checked_name("house", name, _files("tasks/houses"))
+    place = f"tasks/houses/{name}.yaml"
+    text, said = imported_house(file, line)
+    return Skeleton({place: text}, (f"mpvi check ROOT/{place}", f"mpvi show {name}"), tuple(said))
+
+
 def new_task(name: str) -> Skeleton:
     """A task with its goal: a can from a table into a bin."""
     taken: dict[str, Any] = {**activities(), **_files("tasks/plans"), **_files("tasks")}

@@ -50,7 +50,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     "new skill": ("stash", "dust --like wipe", "stash --like place_in --root ~/robot"),
     "new object": ("hammer", "vase --like bottle", "my_mug --mesh mug.glb --scale 0.01"),
     "new robot": ("mine --urdf robot.urdf", "mine --urdf robot.urdf --base holonomic", "mine --urdf robot.urdf --json"),
-    "new house": ("flat", "flat --root ~/robot", "flat --json"),
+    "new house": ("mine --seed 7", "flat --root ~/robot --json", "theirs --from house.json"),
     "new task": ("clear_the_table", "clear_the_table --root ~/robot", "clear_the_table --json"),
     **{f"new {kind}": (f"my_{kind}", f"my_{kind} --root src", f"my_{kind} --json") for kind in _PARTS},
     "show": ("trash_can --out can.jpg", "picking_up_trash --out house.png", "--page docs/families.md"),

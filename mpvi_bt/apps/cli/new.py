@@ -140,10 +140,30 @@ def robot(
     help="Kind of a drawn house: family, flat, office or one of your own, by name or file.",
 )
 @click.option("--rooms", metavar="ROOM,...", help="Its rooms, such as kitchen,living_room.  [default: all of its kind]")
-def house(name: str, root: Path | None, as_json: bool, seed: int | None, like: str, rooms: str | None) -> None:
-    """A house: of two rooms, or furnished by a seed."""
-    from mpvi_bt.apps.authoring.skeletons import new_house
+@click.option("--from", "source", type=_FILE, metavar="FILE", help="Rebuild a house of ProcTHOR's, JSON or JSON lines.")
+@click.option(
+    "--line", type=click.IntRange(min=1), default=1, show_default=True, metavar="N", help="Which house of JSON lines."
+)
+def house(
+    name: str,
+    root: Path | None,
+    as_json: bool,
+    seed: int | None,
+    like: str,
+    rooms: str | None,
+    source: Path | None,
+    line: int,
+) -> None:
+    """A house: of two rooms, furnished by a seed, or of ProcTHOR's."""
+    from mpvi_bt.apps.authoring.skeletons import new_house, new_imported_house
 
+    if source is not None:
+        if own := _given() & {"seed", "rooms", "like"}:
+            raise click.UsageError(f"--{min(own)} is of a drawn house; --from rebuilds one that is there.")
+        _write(new_imported_house(name, source, line), root, as_json)
+        return
+    if "line" in _given():
+        raise click.UsageError("--line is of a file of houses; give --from.")
     if seed is None and (own := _given() & {"rooms", "like"}):
         raise click.UsageError(f"--{min(own)} is of a drawn house; give --seed.")
     named = () if rooms is None else tuple(room.strip() for room in rooms.split(","))

@@ -55,7 +55,7 @@ def house_text(
             lines.append("    outdoors: true")
         if name in PHRASES:
             lines.append(f"    phrases: {_flow(PHRASES[name])}")
-        lines.append("    fixtures:")
+        lines.append("    fixtures:" if pieces[name] else "    fixtures: {}")
         lines += [f"      {piece.name}: {_flow(_fixture(piece))}" for piece in pieces[name]]
     return "\n".join(lines) + "\n"
 

@@ -1,0 +1,1 @@
+"""Houses of others, as the text of a house's file."""
