@@ -16,7 +16,7 @@ def user_kinds(folder: Path) -> Iterable[Kind]:
     """Every kind of file that is a user's own; those that no repository has are made in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     yield from _robots()
-    yield _drawn_house()
+    yield from _houses(folder)
     yield from _checkpoints(folder)
     yield from _eyes(folder)
 
@@ -45,12 +45,22 @@ def _robots() -> Iterable[Kind]:
     yield Kind("bridge", bridges, checked(lambda path: load_bridge(str(path), fetch)), yaml, "yaml")
 
 
-def _drawn_house() -> Kind:
+def _houses(folder: Path) -> Iterable[Kind]:
+    from mpvi_bt.ground.marked_yaml import parse_marked
     from mpvi_bt.house.generated.generator import generated_house
-    from mpvi_bt.house.layout.house import load_house
+    from mpvi_bt.house.imported.imported_house import imported_house
+    from mpvi_bt.house.layout.house import check_house, load_house
+    from tests.procthor_houses import house, written
 
-    house = {"drawn/flat.yaml": generated_house(3, kind="flat").encode()}
-    return Kind("drawn house", house, checked(load_house), [*TEXT, of_yaml, of_yaml, of_yaml, aliases], "yaml")
+    drawn = {"drawn/flat.yaml": generated_house(3, kind="flat").encode()}
+    yield Kind("drawn house", drawn, checked(load_house), [*TEXT, of_yaml, of_yaml, of_yaml, aliases], "yaml")
+
+    def rebuilt(path: Path) -> None:
+        text, _ = imported_house(path)
+        check_house(*parse_marked(text, f"{path.name}.yaml"))  # what is rebuilt is a house, or it was refused
+
+    theirs = {"theirs.json": written(folder, house()).read_bytes()}
+    yield Kind("house of ProcTHOR's", theirs, lambda path: quiet(rebuilt(path)), [*TEXT, of_json, of_json, of_json])
 
 
 def _checkpoints(folder: Path) -> Iterable[Kind]:
