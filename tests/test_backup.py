@@ -114,6 +114,33 @@ def test_a_policy_that_cannot_say_that_it_has_ended_is_felt_to(prompt, only, hel
     assert second.asked == (2 if chunks == 2 else 0)
 
 
+@pytest.mark.parametrize(
+    ("prompt", "hand", "missed"),
+    [
+        ("pick up the can, then put the can in the bin", "oo" + "-" * 16, True),
+        ("pick up the can", "oo" + "-" * 16, True),
+        ("pick up the can", "oo" + "-" * 15, False),
+        ("pick up the can", "oo" + "-" * 10 + "o" + "-" * 10, False),  # it opens again
+        ("pick up the can", "oo" + "-" * 10 + "+" + "-" * 10, False),  # it held something in between
+        ("pick up the can", "-" * 40, False),  # it has not been open yet
+        ("put the can in the bin", "oo" + "-" * 40, False),
+    ],
+)
+def test_a_hand_that_stays_closed_on_nothing_has_missed(prompt, hand, missed):
+    """After 8 s a policy that never says so has given up a pick, and the robot stands still; "o" is an open hand."""
+    both = WithBackup(Silent(), Doer("b"), SKILLS, only=("pick", "place_in"))
+    chunk = np.zeros((0, 0))
+    for sign in hand:
+        body = felt(sign == "+") if sign != "o" else AT_REST
+        chunk = both.infer({"prompt": prompt, "proprioception": body, "images": {}})
+    assert both.gave_up is missed
+    assert both.ended is missed
+    assert len(chunk) == (1 if missed else 5)
+    assert ("closed_empty" in both.note) is missed
+    both.reset()  # the next handoff
+    assert not both.gave_up
+
+
 def test_what_neither_can_do_is_given_up():
     """The second one's refusal is that of both, and its note says whose it is."""
     both = WithBackup(Doer("a", "pick"), Doer("b", "put"), SKILLS)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from mpvi_bt.executive.actions.felt_end import FeltEnd
+from mpvi_bt.executive.actions.felt_end import MISSED_S, FeltEnd
 from mpvi_bt.executive.plan.clauses import clauses, match
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.ground.action_chunk import ask
@@ -16,13 +16,16 @@ from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.action_rows import standing
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 
+CLOSED_EMPTY = f"closed_empty: a hand that was to hold something has been closed on nothing for {MISSED_S:g} s"
+
 
 class WithBackup:
     """`mpvi_bt.ground.protocols.Policy` of two.
 
     The first one is told the whole prompt. Where it says `NO_SKILL`, it is told one clause after the other, and the
     second one those that it has no skill for; the next clause comes once the one at work has `ended`. One that cannot
-    say so has ended when a hand has held what it was to hold, or let go of it, for a second. Where the first one is to
+    say so has ended when a hand has held what it was to hold, or let go of it, for a second; and has given up, with
+    the reason "closed_empty", when a hand that was to hold something stays closed on nothing. Where the first one is to
     use some of its skills only, it is not asked about the others.
 
     Attributes:
@@ -71,12 +74,13 @@ class WithBackup:
     @property
     def note(self) -> str:
         """Of the one at work, after its name."""
-        return f"{self._at.name}: {getattr(self._at, 'note', '')}"
+        said = CLOSED_EMPTY if self._missed else getattr(self._at, "note", "")
+        return f"{self._at.name}: {said}"
 
     @property
     def gave_up(self) -> bool:
         """Whether the one at work has: what comes after it is not begun."""
-        return getattr(self._at, "gave_up", False)
+        return self._missed or getattr(self._at, "gave_up", False)
 
     @property
     def ended(self) -> bool:
@@ -104,7 +108,7 @@ class WithBackup:
         self._second.reset()
         self._at: Policy = self._first
         self._prompt, self._told, self._left = "", "", list[str]()
-        self._felt_end, self._rows = FeltEnd(None), 0
+        self._felt_end, self._rows, self._missed = FeltEnd(None), 0, False
 
     def close(self) -> None:
         """Close both."""
@@ -117,8 +121,10 @@ class WithBackup:
             self.reset()
             self._prompt = str(observation["prompt"])
             self._tell(self._first, self._prompt)
-        elif self._left and (self._done or self._feels_done(observation["proprioception"])):
-            self._tell(self._first, self._left.pop(0))
+        else:
+            self._feel(observation["proprioception"])
+        if self._missed:
+            return standing(observation["proprioception"])[None]
         if barred := self._barred():
             chunk = standing(observation["proprioception"])[None]
         else:
@@ -137,10 +143,14 @@ class WithBackup:
         call = match(prompt, self._skills)
         self._felt_end, self._rows = FeltEnd(None if call is None else call.skill), 0
 
-    def _feels_done(self, body: Proprioception) -> bool:
-        """Whether a policy that cannot say that it has ended has done a clause by which a hand holds more, or less."""
+    def _feel(self, body: Proprioception) -> None:
+        """Begin the next clause if the one at work is done; where the policy cannot say so, by what the hands feel."""
         since_s = self._rows / (self.rate_hz or CONTROL_HZ)
-        return not hasattr(self._at, "ended") and self._felt_end.felt(body, since_s)
+        silent = not hasattr(self._at, "ended")
+        if silent and self._felt_end.missed(body, since_s):
+            self._missed = True
+        elif self._left and (self._done or (silent and self._felt_end.felt(body, since_s))):
+            self._tell(self._first, self._left.pop(0))
 
     def _barred(self) -> bool:
         """Whether the first one is at work and not to use a skill that it was told to."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from mpvi_bt.executive.plan.skill_effects import RELEASING
 from mpvi_bt.executive.plan.skills import Skill
-from mpvi_bt.ground.robot.protocol import Proprioception
+from mpvi_bt.ground.robot.protocol import Proprioception, Side
 
 STEADY_S = 1.0  # our choice: a hand that has slipped off, or only touches, holds nothing for so long
+MISSED_S = 8.0  # our choice: twice a long chunk of 4 s, so that a policy which looks again has opened its hand by then
 
 
 class FeltEnd:
@@ -21,6 +22,7 @@ class FeltEnd:
         self._more = 1 if told.get("held") else -1 if any(told.get(term) for term in RELEASING) else 0
         self._before: int | None = None  # hands that held something when it began
         self._so_for_s = 0.0
+        self._empty_s: dict[Side, float] = {}  # of hands that have been open: how long each is closed on nothing
 
     def felt(self, body: Proprioception, since_s: float) -> bool:
         """Whether a hand has held something, or let go of it, for a second.
@@ -35,3 +37,20 @@ class FeltEnd:
         changed = self._more and (holding - self._before) * self._more > 0
         self._so_for_s = self._so_for_s + since_s if changed else 0.0
         return self._so_for_s >= STEADY_S
+
+    def missed(self, body: Proprioception, since_s: float) -> bool:
+        """Whether a hand that was to bring something has closed on nothing, and stayed so for `MISSED_S`.
+
+        A hand that has not been open since the clause began says nothing: it may only be on its way.
+
+        Args:
+            body, since_s: As of `felt`.
+        """
+        if self._more <= 0:
+            return False
+        for side in body.sides:
+            if body.gripper_command[side] >= 0 or body.holds(side):
+                self._empty_s[side] = 0.0
+            elif side in self._empty_s:
+                self._empty_s[side] += since_s
+        return any(empty_s >= MISSED_S for empty_s in self._empty_s.values())
