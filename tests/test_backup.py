@@ -117,7 +117,7 @@ def test_a_policy_that_cannot_say_that_it_has_ended_is_felt_to(prompt, only, hel
 @pytest.mark.parametrize(
     ("prompt", "hand", "missed"),
     [
-        ("pick up the can, then put the can in the bin", "oo" + "-" * 16, True),
+        ("pick up the can, then put the can in the bin", "ooo" + "-" * 16, True),
         ("pick up the can", "oo" + "-" * 16, True),
         ("pick up the can", "oo" + "-" * 15, False),
         ("pick up the can", "oo" + "-" * 10 + "o" + "-" * 10, False),  # it opens again
@@ -128,7 +128,7 @@ def test_a_policy_that_cannot_say_that_it_has_ended_is_felt_to(prompt, only, hel
 )
 def test_a_hand_that_stays_closed_on_nothing_has_missed(prompt, hand, missed):
     """After 8 s a policy that never says so has given up a pick, and the robot stands still; "o" is an open hand."""
-    both = WithBackup(Silent(), Doer("b"), SKILLS, only=("pick", "place_in"))
+    both = WithBackup(Silent(), Doer("b"), SKILLS, only=("pick",) if " then " in prompt else None)
     chunk = np.zeros((0, 0))
     for sign in hand:
         body = felt(sign == "+") if sign != "o" else AT_REST
