@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mpvi_bt
@@ -11,8 +12,11 @@ from mpvi_bt.apps.authoring.skeletons import new_house
 from mpvi_bt.ground.errors import UnknownName, UserError
 from mpvi_bt.house.generated.generator import generated_house
 from mpvi_bt.house.generated.house_kind import load_kind
+from mpvi_bt.house.generated.placement import RoomFloor, hinge_toward
+from mpvi_bt.house.generated.plane import Side
 from mpvi_bt.house.instances.tasks import in_house, load_task
 from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.things.catalogue import load_catalogue
 
 KIND = """\
 day: [[meeting_room]]
@@ -50,6 +54,22 @@ def test_a_drawn_house_has_the_rooms_that_were_named() -> None:
         generated_house(1, ("kitchen", "cellar"))
     with pytest.raises(UserError, match="needs a corridor"):
         generated_house(1, ("kitchen", "bedroom"))
+
+
+@pytest.mark.parametrize("side", ["south", "east", "north", "west"])
+@pytest.mark.parametrize(("blocked", "hinge"), [("", ""), ("high", "low"), ("low", "high"), ("both", "")])
+def test_a_door_is_hinged_where_nothing_is_in_its_way(side: Side, blocked: str, hinge: str) -> None:
+    """Something that sticks out beside a cabinet has its door turned about the other end; else it stays as it was."""
+    room = RoomFloor("hall", (0.0, 0.0, 6.0, 6.0), [], [], load_catalogue(), np.random.default_rng(0))
+    frame = room.frame(side)
+    cabinet = room.piece("cabinet", "base_cabinet", frame, 3.0)
+    beside = {"high": 3.0 + 0.32 + 0.5, "low": 3.0 - 0.32 - 0.5}
+    sofas = [room.piece(end, "sofa", frame, u, turn_deg=90) for end, u in beside.items() if blocked in (end, "both")]
+    room.add([cabinet, *sofas])
+    room.hinge_free(cabinet)
+    free = hinge_toward(frame, high=hinge == "high") if hinge else "right"
+    assert room.pieces[0].shape.get("hinge", "right") == free
+    assert room.pieces[0].area == cabinet.area
 
 
 @pytest.mark.parametrize("name", ["", "x", "-1", "1.5", "flat:", ":3", "flat:x", "../flat:3"])

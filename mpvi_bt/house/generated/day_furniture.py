@@ -29,7 +29,7 @@ def living_room(room: RoomFloor, tints: Tints) -> None:
         _bookcases(room, numbers, bookcase)
     color = {"color": tints.wood, "door_color": tints.second_wood}
     cabinet = {"size_m": [0.47, 0.64, 0.85], "shelves_z_m": [0.46], **color}
-    room.along_wall("living_cabinet", "base_cabinet", front_m=1.2, shape=cabinet, beside_m=HINGE_M)
+    room.hinge_free(room.along_wall("living_cabinet", "base_cabinet", front_m=1.2, shape=cabinet, beside_m=HINGE_M))
     room.along_wall("table_1", "table", front_m=1.0, shape=tints.shape("table"))
     room.along_wall("living_lamp", "floor_lamp", front_m=0.6, shape=tints.shape("floor_lamp"), corner=True, gap_m=0.08)
     room.along_wall("living_plant", "houseplant", front_m=0.5, shape=tints.shape("houseplant"), corner=True, gap_m=0.06)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ GAP_M = 0.004  # between things that touch
 LOW_M = 0.05  # lower things are driven over
 HEAD_M = 1.5  # what begins above this is over the robot's body
 HINGE_M = 0.1  # between a wall and a thing whose door may open toward it
+SWING_M = 0.3  # beside a thing: what sticks out there keeps its door from opening by three quarters
 DOOR_ZONE_M = 0.95  # floor before a doorway that stays free
 _STEP_M = 0.05
 
@@ -206,6 +207,22 @@ class RoomFloor:
         frame = next(frame for side in SIDES if (frame := self.frame(side)).yaw_deg == piece.yaw_deg)
         x0, y0, _, _ = self.inside
         return frame, piece.at[0] - x0 if frame.side in ("south", "north") else piece.at[1] - y0
+
+    def hinge_free(self, piece: Furnishing) -> None:
+        """Hinge the door of a thing along a wall at its other end, where only there nothing beside it is in the way."""
+        frame, u = self.behind(piece)
+        depth, width, _ = self.size(piece.entry, piece.shape)
+        free = {}
+        for high in (True, False):
+            end = width / 2 if high else -width / 2
+            swing = frame.area(u + end, u + end + (SWING_M if high else -SWING_M), depth, depth + width)
+            blocked = any(other.on_floor and overlap(swing, other.area) for other in self.pieces if other is not piece)
+            free[hinge_toward(frame, high=high)] = not blocked
+        default = self._catalogue[piece.entry].reshaped(piece.shape).shape.get("hinge", "right")
+        if not free[default] and any(free.values()):
+            hinge = "left" if default == "right" else "right"
+            turned = replace(piece, shape={**piece.shape, "hinge": hinge})
+            self.pieces[self.pieces.index(piece)] = turned
 
     def spots(self, frame: WallFrame, half: float, corner: bool = False) -> list[float]:
         """Places along a wall for something of a half width, in the order in which to try them."""
