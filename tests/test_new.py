@@ -6,6 +6,7 @@ import json
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mpvi_bt
@@ -18,8 +19,10 @@ from mpvi_bt.house.things.catalogue import load_catalogue
 from mpvi_bt.house.things.families import FAMILIES
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.testing import check_policy
+from mpvi_bt.testing.doubles import KinematicRobot
 from tests import warm
 from tests.conftest import Shell
+from tests.layouts import BASE
 
 MAKERS = {
     "tree": new_tree,
@@ -154,6 +157,12 @@ def test_a_policy_keeps_the_contract(root: Path) -> None:
     new_part("policy", "steady").write(root)
     made = runpy.run_path("steady.py")["Steady"]
     check_policy(made(seed=0), make=lambda: made(seed=0))
+    robot = KinematicRobot()
+    robot.act(robot.action + 0.3)
+    seen = {"prompt": "wait", "proprioception": robot.proprioception(), "images": {}, "command": robot.action}
+    still = robot.action
+    still[BASE] = 0
+    np.testing.assert_array_equal(made(seed=0).infer(seen), np.tile(still, (10, 1)))  # it stands still, as it says
     from mpvi_bt.runs.episode.prepare import check_backends
 
     check_backends(EpisodeConfig("picking_up_trash", policy="steady:Steady"))

@@ -92,6 +92,7 @@ def check_policy(
     body = observation["proprioception"] if observation else KinematicRobot().proprioception()
     robot = KinematicRobot(robot_named(body.robot))
     shown = dict(observation or {"prompt": "pick up the cup", "proprioception": body, "images": {}})
+    shown.setdefault("command", robot.action)
     every = {camera: shown["images"].get(camera) or robot.look(camera) for camera in robot.model.cameras}
     for _ in range(2):
         policy.reset()

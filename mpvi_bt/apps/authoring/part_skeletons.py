@@ -70,7 +70,9 @@ class {made}:
     def infer(self, observation):
         """(N, 23) actions for the next N steps of 1/30 s; docs/observations.md has the keys and the layout."""
         observation["prompt"], observation["proprioception"], observation["images"].get("head")
-        return np.zeros((10, 23))
+        held = np.array(observation["command"])  # (23,) what the robot was told last: joints are absolute targets
+        held[:3] = 0  # the base's velocity
+        return np.tile(held, (10, 1))
 
 
 if __name__ == "__main__":
