@@ -31,6 +31,7 @@ from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.policies import check_policy_choice, for_clients, paced, rate_doubt
 from mpvi_bt.runs.disturbances.late_policy import LatePolicy
+from mpvi_bt.runs.episode.disturbed import actions_of
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.layouts import ACTION_SIZE, BASE, LAYOUT
 
@@ -247,6 +248,22 @@ def test_who_says_the_rate_comes_in_one_order(tmp_path: Path) -> None:
     assert pace(own) == Pace(10.0, "absolute", "the policy")
     assert pace(taught) == Pace(15.0, "absolute", f"the dataset {tmp_path}")
     assert pace(silent) == Pace(30.0, "absolute", "")
+
+
+def test_a_contradiction_is_in_the_result_at_the_control_rate_too() -> None:
+    """Rows of 30 Hz are worth a line only where nobody says so, or somebody else says another rate."""
+
+    def told(own: float | None, option: float | None) -> str | None:
+        config = EpisodeConfig("picking_up_trash", policy="my:Policy", policy_rate=option)
+        made = paced(Rows(wave(9), 9, own), config)
+        made.infer(seen())
+        pace = actions_of(made)
+        return None if pace is None else pace.said_by
+
+    assert told(50.0, 30.0) == "--policy-rate; the policy says 50"
+    assert told(30.0, 30.0) is None
+    assert told(30.0, None) is None
+    assert told(None, None) == "nobody"
 
 
 def test_settings_get_the_rate_from_the_dataset_that_they_name(tmp_path: Path) -> None:

@@ -32,6 +32,11 @@ class Pace:
     kind: ActionKind
     said_by: str
 
+    @property
+    def contradicted(self) -> bool:
+        """Whether somebody says another rate, too; `said_by` then tells who."""
+        return " says " in self.said_by
+
 
 class PacedPolicy(WrappedPolicy):
     """Another policy's rows as control steps: `mpvi_bt.ground.robot.action_rows` says what a row means.

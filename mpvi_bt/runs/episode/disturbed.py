@@ -27,10 +27,11 @@ def lateness_of(policy: Policy) -> Lateness | None:
 
 
 def actions_of(policy: Policy) -> ActionPace | None:
-    """How a policy's rows were carried out; None for absolute rows at the control rate, declared by the policy."""
+    """How a policy's rows were carried out; None for absolute rows at the control rate, if all agree on that rate."""
     paced = _layer(policy, PacedPolicy)
     pace = None if paced is None else paced.pace
-    if pace is None or (pace.said_by and pace.rate_hz == CONTROL_HZ and pace.kind == "absolute"):
+    agreed = pace is not None and pace.said_by and not pace.contradicted
+    if pace is None or (agreed and pace.rate_hz == CONTROL_HZ and pace.kind == "absolute"):
         return None
     return ActionPace(rate_hz=pace.rate_hz, kind=pace.kind, said_by=pace.said_by or "nobody")
 
