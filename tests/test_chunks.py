@@ -112,7 +112,16 @@ class Giving(Foreseeing):
 @pytest.mark.parametrize("wrap", [lambda p: RecedingHorizon(p, 4), TemporalEnsemble])
 @pytest.mark.parametrize(
     "given",
-    [[[1.0, 2.0], [3.0]], None, "text", np.zeros(23), np.zeros((0, 23)), np.zeros((2, 3)), np.full((1, 23), np.nan)],
+    [
+        [[1.0, 2.0], [3.0]],
+        None,
+        "text",
+        {"actions": np.zeros((1, 23))},
+        np.zeros(23),
+        np.zeros((0, 23)),
+        np.zeros((2, 3)),
+        np.full((1, 23), np.nan),
+    ],
     ids=str,
 )
 def test_what_is_no_chunk_is_a_bad_reply_through_a_wrapper_too(wrap: Any, given: Any) -> None:
@@ -120,6 +129,12 @@ def test_what_is_no_chunk_is_a_bad_reply_through_a_wrapper_too(wrap: Any, given:
     with pytest.raises(PolicyError) as caught:
         ask(wrap(Giving(1, given)))
     assert caught.value.reason == "bad_reply"
+
+
+def test_a_reply_of_a_server_is_no_chunk() -> None:
+    """What openpi's clients are given is a mapping; a class of one's own that gives it is told what is wanted."""
+    with pytest.raises(PolicyError, match="a mapping with 'actions', not the array of actions itself"):
+        ask(RecedingHorizon(Giving(1, {"actions": np.zeros((1, 23))}), 4))
 
 
 @pytest.mark.parametrize("horizon", [0, -1, 2.5, True, "8", None])

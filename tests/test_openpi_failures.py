@@ -75,7 +75,7 @@ def test_every_reason_is_documented() -> None:
 def test_an_absent_server() -> None:
     """It is waited for as long as the settings say, at reset and at inference, and no longer."""
     policy = OpenpiPolicy(f"{HOST}:{free_port()}", quick(connect_s=0.6))
-    with fails("server_absent", 1.5, "connection refused"):
+    with fails("server_absent", 1.5, "connection refused, for 0.6", "connect_s"):
         policy.reset()
     with fails("server_absent", 1.5):
         policy.infer(observation())
@@ -649,6 +649,12 @@ def test_a_server_that_answers_nothing_may_not_fit_the_settings(code: int) -> No
             PolicyError, match=r"settings openpi_comet may not fit it .*--policy-settings: .*behavior_2026"
         ):
             policy.infer(observation())
+    sent = "when sent prompt, observation/egocentric_camera"
+    with (
+        PolicyServer(lambda message: {"actions": message["observation/image"]}) as server,
+        fails("server_error", 3.9, "KeyError: 'observation/image'", sent),
+    ):
+        policy_at(server).infer(observation())
     with PolicyServer(lambda message: {"actions": CHUNK} if len(server.received) < 2 else message["never"]) as server:
         policy = policy_at(server)
         policy.infer(observation())

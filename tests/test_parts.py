@@ -44,6 +44,9 @@ class Broken(Still):
     def __init__(self):
         raise OSError("no weights")
 
+class Looking(Still):
+    cameras = ("head", "wrist")
+
 class Mute:
     name, cameras = "mute", ()
 
@@ -89,6 +92,9 @@ def test_entry_points_are_names(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
         ("my_parts.more:Still", "there is no module 'my_parts.more'|importing my_parts.more raised"),
         ("my_broken_parts:Still", r"importing my_broken_parts raised .*my_absent_library.*my_broken_parts.py:1"),
         ("my_parts:Stil", "has no 'Stil'. Did you mean 'Still'"),
+        ("my_parts", "a class in an installed package or a file of this folder is MODULE:CLASS, such as my_parts:My"),
+        ("./my_parts.py:Still", "MODULE:CLASS, such as my_parts:My"),
+        ("my_parts:Looking", "`cameras` has 'wrist', which the r1 lacks. Known: head, left, right"),
         ("my_parts:NUMBER", "is no class or function, but int"),
         ("my_parts:Needy", "wants 'weights' to be made; a policy is offered: skills, vocabulary, detector, seed"),
         ("my_parts:Mute", r"a policy has reset\(\), infer\(\), and this has not"),

@@ -197,6 +197,17 @@ def test_what_is_no_chunk_of_actions_is_refused(name: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_a_row_of_another_size_is_told_with_whose_size_is_meant() -> None:
+    """The numbers of a row are the settings' to say, and else the robot's."""
+    reply = {"actions": np.zeros((8, 32))}
+    with pytest.raises(PolicyError, match=r"shape \(8, 32\), not \(H, 16\) as the settings would"):
+        actions_of(
+            reply, Action.model_validate({"size": 16, "parts": [{"part": "arm_left", "at": 0}]}), numbered_body("r1")
+        )
+    with pytest.raises(PolicyError, match=rf"not \(H, {ACTION_SIZE}\) as the robot would"):
+        actions_of(reply, Action(), numbered_body("r1"))
+
+
 def test_numbers_that_overflow_when_scaled_are_refused() -> None:
     """What is finite on the wire but not in our units is no action."""
     layout = Action.model_validate({"parts": [{"part": "torso", "at": 0, "scale": 1e6}]})

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.ground.errors import PolicyError
+from mpvi_bt.ground.errors import PolicyError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.robots import layout_of
@@ -20,6 +20,9 @@ def ask(policy: Policy, observation: Mapping[str, Any]) -> Array:
         PolicyError: "bad_reply" unless the policy gives that, and finite.
     """
     given = policy.infer(observation)
+    if isinstance(given, Mapping):
+        keys = ", ".join(map(shown, given))[:200]
+        raise PolicyError("bad_reply", f"policy {policy.name}: a mapping with {keys}, not the array of actions itself")
     try:
         chunk = np.asarray(given)
     except ValueError:  # lists of different lengths

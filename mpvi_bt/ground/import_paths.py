@@ -42,7 +42,7 @@ def found_at(path: str, said: str, known: Sequence[str] = ()) -> Any:
     found = module_in(Path(module), said) if module.endswith(".py") else _module(module, said, known)
     made = getattr(found, name, None)
     if made is None:
-        names = [word for word in vars(found) if not word.startswith("_")]
+        names = [word for word, held in vars(found).items() if word[0] != "_" and not isinstance(held, ModuleType)]
         raise UserError(f"{said}: module {module!r} has no {shown(name)}.{did_you_mean(nearest(name, names), names)}")
     return made
 

@@ -222,6 +222,7 @@ def _closed(error: ConnectionClosed) -> PolicyError:
 
 def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
     """A websocket, as soon as the server is there. Raises PolicyError."""
+    began = time.monotonic()
     while True:
         try:
             return connect(
@@ -244,7 +245,8 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
             time.sleep(max(min(_POLL_S, deadline - time.monotonic()), 0.0))
             starting = health(url, deadline) in _STARTING
             if time.monotonic() >= deadline:
-                raise failure
+                waited_s = time.monotonic() - began
+                raise PolicyError(failure.reason, f"{failure}, for {waited_s:.2g} s (connect_s of the settings)")
 
 
 def _headers() -> dict[str, str]:

@@ -145,6 +145,7 @@ class OpenpiPolicy(PatientClient[Connection]):
         asked = self._settings.request_chunk
         if asked is not None:
             message["__action_chunk_size__"] = asked
+        self._sent = tuple(message)
         connection.expect_silence(deadline)
         connection.send(pack(message), deadline)
         reply = connection.receive(deadline)

@@ -48,6 +48,7 @@ class PatientClient(ABC, Generic[Link]):
         self.connections = 0
         self._settings, self._called = settings, called
         self._answered = False
+        self._sent: tuple[str, ...] = ()  # keys of the last observation, for messages
         self._connection: Link | None = None
         self._held: Proprioception | None = None  # the joints at the first observation since a reset
 
@@ -114,7 +115,10 @@ class PatientClient(ABC, Generic[Link]):
             return ""
         others = ", ".join(name for name in paths.names("policies") if name != self._called)
         mine = f"settings {self._called}" if self._called else "settings"
-        return f". It has answered nothing yet: the {mine} may not fit it (--policy-settings: {others}, or your own)"
+        sent = f", when sent {', '.join(self._sent)[:200]}" if self._sent else ""
+        return (
+            f". It has answered nothing yet{sent}: the {mine} may not fit it (--policy-settings: {others}, or your own)"
+        )
 
     def _connected(self, deadline: float) -> Link:
         if self._connection is None:

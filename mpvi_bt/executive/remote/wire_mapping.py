@@ -177,7 +177,9 @@ def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioce
             raise PolicyError("bad_reply", said + _fitting(layout.key, given))
         given = given[name]
     robot = layout_of(held)
-    theirs = _checked(given, layout.key, layout.told_size or robot.size)
+    theirs = _checked(
+        given, layout.key, layout.told_size or robot.size, "the settings" if layout.told_size else "the robot"
+    )
     if layout.dialect is not None:
         return joint_dialect(layout.dialect).actions(theirs, felt or held)
     if not layout.parts:
@@ -208,12 +210,12 @@ def _fitting(key: str, reply: Any) -> str:
     """A hint at settings that fit the reply, if it is of another dialect; else nothing."""
     for settings, theirs in _ANSWERED.items():
         if isinstance(reply, dict) and theirs in reply and theirs != key:
-            return f". So a server answers that {settings} fit"
+            return f". For a server that answers so, take {settings}"
     return ""
 
 
-def _checked(given: Any, key: str, size: int) -> Array:
-    """(H, size) float64, finite."""
+def _checked(given: Any, key: str, size: int, whose: str) -> Array:
+    """(H, size) float64, finite; `whose` the size is, for messages."""
     if not isinstance(given, np.ndarray):
         raise PolicyError("bad_reply", f"{key!r} is {with_article(type(given).__name__)}, not an array")
     if given.dtype.kind not in "fiu":
@@ -223,7 +225,9 @@ def _checked(given: Any, key: str, size: int) -> Array:
         given = given[0]
     given = given[None] if given.ndim == 1 else given
     if given.ndim != 2 or given.shape[1] != size or not 1 <= len(given) <= MOST_ACTIONS:
-        raise PolicyError("bad_reply", f"actions of shape {shape}, not (H, {size}), 1 <= H <= {MOST_ACTIONS}")
+        raise PolicyError(
+            "bad_reply", f"actions of shape {shape}, not (H, {size}) as {whose} would have it, 1 <= H <= {MOST_ACTIONS}"
+        )
     if not np.isfinite(given).all():
         raise PolicyError("bad_reply", "actions that are not finite")
     return np.array(given, float)  # a copy: what was received is read-only

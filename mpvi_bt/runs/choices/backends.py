@@ -11,6 +11,7 @@ import importlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from mpvi_bt.ground.errors import UnknownName, UserError
@@ -291,6 +292,9 @@ def choose(kind: str, given: str) -> Choice:
             about = f"{part.path}, of another package"
             looks = kind in ("policy", "checker", "detector")
             return Choice(kind, given, given, "", Backend(about, eyes="labels" if looks else ""), part)
+        if kind in OFFERED and (".py" in name or Path(f"{name}.py").is_file()):
+            form = f"MODULE:CLASS, such as {Path(name).stem}:My{kind.capitalize()}"
+            raise UserError(f"{kind} {given[:80]}: a class in an installed package or a file of this folder is {form}.")
         raise UnknownName(kind, name, (*known, *(entry_points(kind) if kind in OFFERED else ())))
     backend = known[name]
     if backend.address and not address and not (backend.optional and given == name):

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.finding.perception.detector import Detector
-from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.ground.errors import UnknownName, UserError, shown
 from mpvi_bt.ground.protocols import Policy
 from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.action_rows import check_rate
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Side
+from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.runs.choices.backends import Choice, choose
 from mpvi_bt.runs.choices.config import EpisodeConfig
 from mpvi_bt.runs.choices.detectors import make_detector
@@ -251,6 +252,8 @@ def check_policy_choice(config: EpisodeConfig) -> None:
 
     choice = choose("policy", config.policy)
     check_pace(choice, config.policy_rate, config.policy_actions)
+    for one in choice.both or [choice]:
+        _check_cameras(one, config.robot)
     for name in choice.only or ():
         if name not in (known := load_skills()):
             raise UnknownName("skill", name, known)
@@ -260,6 +263,21 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     if (addressed and not choice.backend.privileged) or config.policy_settings is not None:
         task = load_task(config.task).problem if config.task else None
         make_policy(config.policy, PolicyInputs({}, task=task, robot=config.robot), config.policy_settings)
+
+
+def _check_cameras(choice: Choice, robot: str) -> None:
+    """Raise UserError if a class of somebody's own names a camera that the robot lacks. Its instances may name others.
+
+    What is no tuple, such as a property, is read where the episode needs it.
+    """
+    cameras = getattr(choice.part.load(), "cameras", None) if choice.part is not None else None
+    if not isinstance(cameras, tuple):
+        return
+    known = list(robot_named(robot).cameras)
+    for camera in cameras:
+        if camera not in known:
+            has = f"`cameras` has {shown(camera)}, which the {robot} lacks"
+            raise UserError(f"policy {choice.given}: {has}. Known: {', '.join(known)}.")
 
 
 def check_pace(choice: Choice, rate_hz: float | None, kind: ActionKind | None) -> None:
