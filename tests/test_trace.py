@@ -637,6 +637,18 @@ def test_an_empty_or_missing_file_is_a_users_error(tmp_path: Path) -> None:
         read_trace(tmp_path)
 
 
+def test_what_is_no_trace_leads_to_the_one_that_is(tmp_path: Path) -> None:
+    """A folder of runs to its newest, a result to the trace beside it."""
+    for age, name in enumerate(("new", "old")):
+        (tmp_path / f"{name}.trace.jsonl").touch()
+        os.utime(tmp_path / f"{name}.trace.jsonl", (1000 - age, 1000 - age))
+    (tmp_path / "old.json").write_text("{}")
+    with pytest.raises(UserError, match=r"is a directory; its newest trace is .*new\.trace\.jsonl$"):
+        read_trace(tmp_path)
+    with pytest.raises(FileProblems, match=r"no trace of a run.*that run is .*old\.trace\.jsonl"):
+        read_trace(tmp_path / "old.json")
+
+
 def test_a_full_disk_ends_the_run_with_one_line() -> None:
     """It is a fault of the machine, which names the file."""
     with pytest.raises(BackendError, match="/dev/full: cannot be written: no space left on device"):

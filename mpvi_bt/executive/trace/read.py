@@ -227,7 +227,7 @@ def read_trace(path: str | Path) -> Trace:
             first = _FIRST_KEY.match(file.peek(200))
             if first is None or first[1] != b"trace":
                 what = 'no trace of a run: its first line would begin with {"trace": 1'
-                what = what if file.peek(1) else "the file is empty"
+                what = what + _trace_near(Path(path)) if file.peek(1) else "the file is empty"
                 raise FileProblems([Problem(str(path), 1, 1, "no-trace", what)])
             while line := file.readline(room + 1):
                 room -= len(line)
@@ -236,8 +236,18 @@ def read_trace(path: str | Path) -> Trace:
                     raise FileProblems([Problem(str(path), 0, 0, "too-large", what)])
                 lines.append(line)
     except OSError as error:
-        raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from None
+        said = (error.strerror or "cannot be read").lower()
+        raise UserError(f"{path}: {said}{_trace_near(Path(path))}") from None
     return _read(str(path), lines)
+
+
+def _trace_near(path: Path) -> str:
+    """The end of a message about what is no trace: that of the same run, or a folder's newest; "": there is none."""
+    if path.is_dir():
+        newest = max(path.glob("*.trace.jsonl"), key=lambda file: file.stat().st_mtime, default=None)
+        return f"; its newest trace is {newest}" if newest else ""
+    beside = path.with_suffix(".trace.jsonl")
+    return f"; the trace of that run is {beside}" if beside != path and beside.is_file() else ""
 
 
 def _read(file: str, lines: Sequence[bytes]) -> Trace:

@@ -174,7 +174,8 @@ def find_demonstrations(folders: Iterable[Path]) -> list[Demonstrated]:
     for folder in folders:
         files = sorted([*folder.glob("episode.json"), *folder.glob("*/episode.json")])
         if not files:
-            raise UserError(f"{folder}: no demonstrations there; `mpvi suite run SUITE --demonstrations` records some")
+            how = "`mpvi run TASK --demonstration DIR` or `mpvi suite run SUITE --demonstrations`"
+            raise UserError(f"{folder}: no demonstrations there; {how} records some")
         for file in files:
             try:
                 found[file.parent.resolve()] = read_demonstration(file.parent)
