@@ -17,7 +17,16 @@ from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.geometry.solids import Array
 
 _DEPTH_M = 0.00025  # a step of depth on file; 16.4 m is the farthest
-_UNREADABLE = (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error, AttributeError, NotImplementedError)
+_UNREADABLE = (
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    zipfile.BadZipFile,
+    zlib.error,
+    AttributeError,
+    NotImplementedError,
+)
 _TOLD = {"count": "iu", "kinds": "U", "drawn": "U", "K": "f", "T_world_camera": "f", "camera": "U"}  # kinds of arrays
 
 
