@@ -22,6 +22,7 @@ from benchmarks.faults.server_faults import FAULTS, ServerFault
 from benchmarks.faults.servers import trial as served
 from benchmarks.faults.table import table
 from benchmarks.faults.trials import BAD, Outcome, play, summary
+from benchmarks.faults.user_samples import user_kinds
 from benchmarks.rows import append
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.ground.protocols import Judgement
@@ -89,6 +90,16 @@ def test_a_reader_that_is_broken_is_found(
     kind = Kind("thing", {"thing.yaml": b"width: 1\nname: x\nsize: 3\n"}, read, [*TEXT, of_yaml], "yaml")
     found = Mutants(0, tmp_path, [kind])
     assert any(found(number).ended == ended for number in range(12))
+
+
+def test_good_files_are_read(tmp_path: Path) -> None:
+    """Of every kind that a user brings: what is broken later was whole."""
+    for kind in user_kinds(tmp_path / "made"):
+        for place, good in kind.files.items():
+            path = tmp_path / place
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(good)
+            assert kind.read(path) is None, (kind.name, place)
 
 
 def test_a_sum_an_archive_and_a_line_are_judged_by_what_was_written(tmp_path: Path) -> None:
