@@ -99,4 +99,4 @@ def dataset(
         tell(json.dumps(said | form, indent=1, ensure_ascii=False))
         return
     without = f"; {len(found) - len(taken)} that missed their goal left out" if len(found) > len(taken) else ""
-    tell(f"{out}: {len(taken)} episodes, {frames} frames{without}")
+    tell(f"{out}: {len(taken)} episode{'s' * (len(taken) != 1)}, {frames} frames{without}")
