@@ -18,7 +18,7 @@ from vla_eval.protocol.messages import Message, MessageType, pack_message, unpac
 from vla_eval.specs import GRIPPER_CLOSE_POS, POSITION_DELTA, RAW, ROTATION_AA
 from websockets.sync.server import ServerConnection
 
-from mpvi_bt.executive.remote.dialect_settings import load_settings
+from mpvi_bt.executive.remote.dialect_settings import DialectSettings, load_settings
 from mpvi_bt.executive.remote.observation import read_observation
 from mpvi_bt.executive.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.ground.errors import PolicyError
@@ -272,6 +272,19 @@ def test_bad_replies_have_a_reason(name: str) -> None:
             policy.infer(observation())
         assert failed.value.reason == reason
         assert time.monotonic() - began < 5
+
+
+def test_a_server_that_announces_other_actions_than_the_robots_is_refused() -> None:
+    """Before it is asked for any, where no settings say how many numbers they have."""
+    hello = {"protocol_version": 1, "action_spec": {"arm": {"dims": 7}}}
+    heard: list[dict[str, Any]] = []
+    with _scripted(lambda n: _action(GOOD, n), hello, heard) as server:
+        policy = VlaEvalPolicy(server.address, DialectSettings(connect_s=2.0, answer_s=2.0, tries=1))
+        policy.reset()
+        with pytest.raises(PolicyError, match=r"actions of 7 numbers \(arm 7\); the r1 has 23") as failed:
+            policy.infer(observation())
+    assert failed.value.reason == "bad_reply"
+    assert heard == []
 
 
 def test_late_answers_are_passed_over() -> None:

@@ -22,6 +22,7 @@ from mpvi_bt.ground.errors import BadMessage, PolicyError, shown
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.action_rows import command_of
 from mpvi_bt.ground.robot.protocol import Proprioception
+from mpvi_bt.ground.robot.robots import layout_of
 from mpvi_bt.ground.version import __version__
 
 VERSION = 1  # of the protocol
@@ -52,6 +53,7 @@ class VlaEvalPolicy(OpenpiPolicy):
     ) -> None:
         super().__init__(address, settings, vocabulary, called)
         self._number = 0
+        self._sizes: dict[str, int] = {}  # of the parts of its actions, as it has said
         self._first = self.cameras
         self._episode: Connection | None = None  # the one on which an episode has been started
 
@@ -75,20 +77,22 @@ class VlaEvalPolicy(OpenpiPolicy):
         version = payload.get("protocol_version")
         if not (isinstance(version, int) and version == VERSION):
             raise PolicyError("bad_reply", f"version {shown(version)} of the protocol; {VERSION} is spoken here")
-        sizes = _sizes(payload.get("action_spec"))
-        due = self._settings.action.told_size
-        if due and sizes and all(sizes.values()) and sum(sizes.values()) != due:
-            parts = ", ".join(f"{one_line(name, 40)} {size}" for name, size in sizes.items())
-            raise PolicyError(
-                "bad_reply",
-                f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {due}",
-            )
+        self._sizes = _sizes(payload.get("action_spec"))
+        if due := self._settings.action.told_size:
+            self._check_sizes(due, "the settings say")
         wants = payload.get("observation_params")
         layout = self._settings.observation
         if isinstance(wants, dict) and wants.get("send_state") is True and layout is not None and not layout.state:
             raise PolicyError("bad_reply", "it reads a state, and the settings send none")
         first = wants if isinstance(wants, dict) else {}
         self.cameras = self._first = cameras_of(first, self._settings, self._settings.cameras)
+
+    def _check_sizes(self, due: int, who: str) -> None:
+        """Raise PolicyError if the server has said of its actions that they have another number of numbers."""
+        if self._sizes and all(self._sizes.values()) and sum(self._sizes.values()) != due:
+            parts = ", ".join(f"{one_line(name, 40)} {size}" for name, size in self._sizes.items())
+            told = f"actions of {sum(self._sizes.values())} numbers ({parts}); {who} {due}"
+            raise PolicyError("bad_reply", told)
 
     def _begin(self, connection: Connection, deadline: float) -> None:
         """The episode is started with its first observation, which has the prompt."""
@@ -97,6 +101,8 @@ class VlaEvalPolicy(OpenpiPolicy):
     def _ask(
         self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
     ) -> Array:
+        if not self._settings.action.told_size:
+            self._check_sizes(layout_of(held).size, f"the {held.robot} has")
         if set(self.cameras) - set(observation["images"]):
             return command_of(observation["proprioception"])[None]
         if self._fresh or self._episode is not connection:
