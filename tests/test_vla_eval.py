@@ -281,7 +281,7 @@ def test_a_server_that_announces_other_actions_than_the_robots_is_refused() -> N
     with _scripted(lambda n: _action(GOOD, n), hello, heard) as server:
         policy = VlaEvalPolicy(server.address, DialectSettings(connect_s=2.0, answer_s=2.0, tries=1))
         policy.reset()
-        with pytest.raises(PolicyError, match=r"actions of 7 numbers \(arm 7\); the r1 has 23") as failed:
+        with pytest.raises(PolicyError, match=r"actions of 7 numbers \(arm 7\); the r1pro has 23") as failed:
             policy.infer(observation())
     assert failed.value.reason == "bad_reply"
     assert heard == []
