@@ -146,6 +146,18 @@ def test_programs_get_the_module_too(converted: Path) -> None:
     assert isinstance(CliRunner().invoke(convert, ["hello", "--placeholders"]).exception, UserError)
 
 
+@pytest.mark.parametrize("elsewhere", ['<MoveTo goal="kitchen"/>', '<SubTree ID="Visit" goal="{place}"/>'])
+def test_a_port_that_takes_a_text_or_what_a_call_fills_is_no_output(elsewhere: str) -> None:
+    """A file without models: what such a port names first is for the user to set, as `goal` of every `MoveTo` is."""
+    main = f'<BehaviorTree ID="Main"><Sequence><MoveTo goal="{{place}}"/>{elsewhere}</Sequence></BehaviorTree>'
+    visit = '<BehaviorTree ID="Visit"><MoveTo goal="{goal}"/></BehaviorTree>'
+    xml = f'<root BTCPP_format="4" main_tree_to_execute="Main">{main}{visit}</root>'
+    imported = from_xml(xml, "x.xml", placeholders="own_nodes.py")
+    assert not [one for one in imported.warnings if one.code == "btcpp-output"]
+    assert "parameters:\n  place: text\n" in dump_tree(imported.main)
+    assert "goal: $place" in dump_tree(imported.main)
+
+
 def test_an_output_is_a_key() -> None:
     """As the file declares, or as nothing else sets it, which is told; anything but a key is refused at its place."""
     imported = from_xml(XML, "own.xml", placeholders="own_nodes")

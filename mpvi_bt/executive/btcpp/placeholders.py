@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import keyword
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from mpvi_bt.executive.behaviors.parameters import Value
@@ -140,21 +140,39 @@ def _outputs(file: XmlFile, found: Mapping[str, Placeholder], uses: Mapping[str,
     """Find outputs that the file does not declare, and give them first values for dry runs.
 
     A key that nothing else sets is an output of the first node that names it (Our choice: else no tree without models
-    could be checked). A warning says so.
+    could be checked). A warning says so. A port that takes a text somewhere, or a key that a call fills, is no output:
+    what it names is for the file's user to set, and becomes a parameter.
     """
-    known = keys_set_in(file) | keys_handed_on(file)
+    set_here, filled = keys_set_in(file), keys_handed_on(file)
+    known = set_here | filled
     for _, _, port, key in _references(found, uses):
         if port.direction != "input_port":
             known.add(key)
+    reading = _reading(found, uses, filled - set_here)
     for tree, element, port, key in _references(found, uses):
         name = next(n for n, p in found[tag_of(element)].ports.items() if p is port)
-        if port.direction == "input_port" and key not in known and not port.type:
+        if port.direction == "input_port" and key not in known and not port.type and id(port) in reading:
+            file.needs.setdefault(tree, Needs()).texts.setdefault(key)
+        elif port.direction == "input_port" and key not in known and not port.type:
             port.direction = "output_port"
             message = f"port {name!r} of {tag_of(element)} is taken for an output, as nothing else sets {key!r}"
             file.warn(element, "output", message, name)
         if port.direction != "input_port":
             known.add(key)
             file.needs.setdefault(tree, Needs()).first_values.setdefault(key, _FIRST.get(port.type, key))
+
+
+def _reading(
+    found: Mapping[str, Placeholder], uses: Mapping[str, list[tuple[str, Element]]], filled: Collection[str]
+) -> set[int]:
+    """The id of each port that can be no output, as it has a text somewhere, or the name of one of `filled`."""
+    return {
+        id(port)
+        for tag, nodes in uses.items()
+        for name, port in found[tag].ports.items()
+        for _, element in nodes
+        if name in element.attributes and ((key := _key(element.attributes[name], name)) is None or key in filled)
+    }
 
 
 def _references(
