@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mpvi_bt.ground.errors import FileProblems, Problem
+from mpvi_bt.ground.errors import FileProblems, Problem, nearest, shown
 from mpvi_bt.ground.yaml_reader import SourceMarks
 
 
@@ -153,6 +153,10 @@ def kind_of(data: Any, marks: SourceMarks) -> FileKind:
     folder = Path(marks.file).resolve().parent.name
     kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
     if not keys & kind.keys and kind.folder != folder:
+        for key in filter(lambda key: isinstance(key, str), keys):
+            if near := nearest(key, [name for kind in KINDS if kind.check for name in kind.keys]):
+                message = f"unknown key {shown(key)}, in a file of no known kind. Did you mean {near!r}?"
+                raise FileProblems([marks.problem((key,), "unknown-file", message, key=True, nearest=near)])
         known = "; ".join(f"{kind.noun} ({', '.join(sorted(kind.keys)[:2])})" for kind in KINDS if kind.check)
         raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
     return kind

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError, did_you_mean, nearest, shown
 from mpvi_bt.ground.file_kinds import foreign
+from mpvi_bt.ground.import_paths import IMPORT_PATH
 from mpvi_bt.ground.yaml_reader import (
     MAX_BYTES,
     MAX_DEPTH,
@@ -63,7 +64,8 @@ Model = TypeVar("Model", bound=BaseModel)
 Amount = Annotated[float, Field(ge=0.0, le=1e12, allow_inf_nan=False)]  # Our choice: sums of them stay finite
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
-Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]  # of WordNet, as BDDL writes it
+SYNSET = r"^\S+\.[nvasr]\.\d\d$"
+Synset = Annotated[str, StringConstraints(pattern=SYNSET)]  # of WordNet, as BDDL writes it
 Coordinate = Annotated[float, Field(ge=-200, le=200, allow_inf_nan=False)]  # m
 
 _SURROGATES = re.compile(r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}")
@@ -251,6 +253,12 @@ def _problems(
         if kind == "too_short" and len(item["input"]) >= context["min_length"]:
             continue  # pydantic counts the valid items of a tuple only; the others have their own problems
         inner = item["loc"]
+        if kind == "missing" and isinstance(inner[-1], int):  # a tuple that is too short lacks its last numbers
+            if inner[-1] == len(item["input"]):
+                lacking = sum(one["type"] == kind and one["loc"][:-1] == inner[:-1] for one in error.errors())
+                message = f"should have {inner[-1] + lacking} items, not {inner[-1]}"
+                yield marks.problem((*at, *inner[:-1]), "wrong-type", message)
+            continue
         location: Location = (*at, *(keys.get(str(part), part) for part in inner[:1]), *inner[1:])
         last = str(location[-1]) if location else ""
         message = item["msg"].removeprefix("Value error, ").removeprefix("Input ")
@@ -293,11 +301,15 @@ def _words(kind: str, context: Mapping[str, Any], message: str) -> str:
         part = ("character" if kind.startswith("string") else "item") + "s" * (number != 1)
         return f"should have {number} {part} {'at most' if kind.endswith('long') else 'or more'}"
     if kind == "string_pattern_mismatch":
-        name = context["pattern"] == "^[a-z][a-z0-9_]*$"
-        return "should be a name such as my_name" if name else f"should match the pattern {context['pattern']}"
+        return f"should {_FORMS.get(context['pattern'], 'match the pattern ' + context['pattern'])}"
     return message
 
 
+_FORMS = {  # of patterns, in words
+    "^[a-z][a-z0-9_]*$": "be a name such as my_name",
+    SYNSET: "be a synset such as stapler.n.01",
+    f"^{IMPORT_PATH.pattern}$": "be an import path such as my_module:my_function",
+}
 _LENGTH = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(mm|cm|m|inches|inch|in|ft|feet|foot|"|')\s*""")
 _METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "foot": 0.3048, "'": 0.3048}  # else inches
 

@@ -92,6 +92,9 @@ def _run(args: list[str]) -> int:
     try:
         result = cli.main(args, prog_name="mpvi", standalone_mode=False, obj=tuple(args))
         sys.stdout.flush()
+    except click.exceptions.NoArgsIsHelpError as error:  # a group without a command: its help, as it is laid out
+        _say(error.format_message())
+        return UserError.exit_code
     except click.exceptions.Abort:  # what click makes of Ctrl-C
         _say("mpvi: interrupted")
         return INTERRUPTED

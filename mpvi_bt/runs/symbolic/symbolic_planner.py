@@ -11,7 +11,7 @@ from mpvi_bt.executive.plan.planners import NoPlan, Planned
 from mpvi_bt.executive.plan.schema import Plan
 from mpvi_bt.executive.plan.skills import Skill, load_skills
 from mpvi_bt.executive.rehearsal.paper_hands import PaperHands
-from mpvi_bt.ground.errors import Problem, UserError
+from mpvi_bt.ground.errors import FileProblems, Problem, UserError
 from mpvi_bt.ground.marked_yaml import SourceMarks
 from mpvi_bt.house.goals.formula import Literal
 from mpvi_bt.house.instances.tasks import Task, check_task
@@ -95,6 +95,10 @@ def lint_task(data: Any, marks: SourceMarks) -> list[Problem]:
         SymbolicPlanner(task).ask(Path(marks.file).stem)
     except NoPlan as error:
         return [marks.problem(("problem",), "no-plan", f"no plan is on file, and {error}", severity="warning")]
+    except FileProblems as error:  # of another file, which is told where that is checked
+        where = f"{error.problems[0].file}:{error.problems[0].line}"
+        message = f"no plan is on file, and none can be made until {where} is right"
+        return [marks.problem((), "no-plan", message, severity="note")]
     except UserError as error:
         return [marks.problem((), "no-plan", str(error), severity="note")]
     return []
