@@ -127,6 +127,19 @@ def test_a_base_drives_as_it_is_told(tmp_path: Path) -> None:
     assert mpvi_bt.check(written) == []
 
 
+def test_wheels_are_told_by_their_links_too(tmp_path: Path) -> None:
+    """Of two joints "wl" and "wr" that turn links "wheel_l" and "wheel_r"."""
+    wheels = "".join(
+        f'<link name="wheel_{side}"/><joint name="w{side}" type="continuous"><parent link="base_link"/>'
+        f'<child link="wheel_{side}"/><axis xyz="0 1 0"/></joint>'
+        for side in "lr"
+    )
+    bare = tmp_path / "bare.urdf"
+    bare.write_text(f'<robot name="r"><link name="base_link"/>{wheels}</robot>')
+    (written,) = new_robot("quite_new", bare, tmp_path).write(tmp_path)
+    assert "differential, of 2 joints of wheels" in written.read_text()
+
+
 def test_xacro_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     """With how it is expanded."""
     raw = tmp_path / "raw.urdf"

@@ -136,7 +136,8 @@ class _Guess:
         return {order[0]: "left", order[-1]: "right"} if order else {}
 
     def _base_part(self, kind: BaseKind | None) -> dict[str, Any]:
-        wheels = [j for j in self._tree.joints.values() if j.kind == "continuous" and "wheel" in j.name.lower()]
+        turning = [j for j in self._tree.joints.values() if j.kind == "continuous"]
+        wheels = [j for j in turning if "wheel" in f"{j.name} {j.child}".lower()]
         if kind is None:
             kind = "holonomic" if len(wheels) > 2 else "differential"
             self.said.append(f"base.kind: {kind}, of {len(wheels)} joints of wheels")
