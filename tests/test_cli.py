@@ -141,6 +141,20 @@ def test_bad_usage_is_told_in_one_line(args: list[str], capsys: pytest.CaptureFi
     assert said.count("\n") == 1
 
 
+@pytest.mark.parametrize("group", ["new", "suite", "train"])
+def test_a_group_without_a_command_tells_its_help_as_it_is_laid_out(
+    group: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On standard error, in the lines of `--help`."""
+    with pytest.raises(SystemExit) as help_:
+        main([group, "--help"])
+    told = capsys.readouterr().out
+    with pytest.raises(SystemExit) as exit_:
+        main([group])
+    assert (help_.value.code, exit_.value.code) == (0, 2)
+    assert capsys.readouterr().err.strip() == told.strip()
+
+
 @pytest.mark.parametrize("option", ["--out", "--video", "--picture", "--rerun", "--mcap", "--profile"])
 def test_what_cannot_be_written_is_refused_before_the_run(
     option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
