@@ -39,6 +39,7 @@ FILES: dict[str, tuple[str, str]] = {  # name: its text, and what takes it
     "run.saved.json": (json.dumps(dict.fromkeys(SavedEpisode.model_fields, 1)), "mpvi run --resume FILE"),
     "result.json": (json.dumps(dict.fromkeys(Result.model_fields, 1)), "mpvi suite"),
     "run.trace.jsonl": ('{"trace": 1, "tree": {}}\n{"tick": 1}\n', "mpvi replay FILE` and `mpvi explain FILE"),
+    "robot.urdf": ('<?xml version="1.0"?>\n<!-- of CAD -->\n<robot name="r"/>\n', "mpvi new robot NAME --urdf FILE"),
     "tree.xml": ('<?xml version="1.0"?>\n<root BTCPP_format="4"/>\n', "mpvi convert FILE OUT.yaml"),
 }
 LOADERS: dict[str, Callable[[str], Any]] = {
@@ -98,3 +99,14 @@ def test_what_takes_a_file_is_there() -> None:
             options = {o for p in loaded.params for o in p.opts}
             assert {word for word in rest if word.startswith("--")} <= options
             assert all(re.fullmatch(r"--[a-z]+|FILE|run", word) for word in rest)
+
+
+def test_a_misspelled_key_is_told_where_no_key_is_known(tmp_path: Path) -> None:
+    """At its place, with the nearest of any kind."""
+    path = tmp_path / "rules.yaml"
+    path.write_text(RULES.replace("substitute:", "about: a slip\nsubsitute:"))
+    answer = CliRunner().invoke(check, [str(path)])
+    assert (
+        "rules.yaml:2:1: unknown key 'subsitute', in a file of no known kind. Did you mean 'substitute'?"
+        in answer.output
+    )

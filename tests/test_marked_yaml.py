@@ -13,11 +13,13 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from mpvi_bt.ground.errors import FileProblems, UserError
+from mpvi_bt.ground.import_paths import IMPORT_PATH
 from mpvi_bt.ground.marked_yaml import (
     MAX_DEPTH,
     MAX_NODES,
     MAX_PROBLEMS,
     Record,
+    Synset,
     load_marked,
     parse_marked,
     pointer,
@@ -333,6 +335,9 @@ def test_what_is_no_number_is_none(line: str, wanted: str) -> None:
         ("%x: a\n", (1, 3), "a line that begins with '%' is a directive"),
         ("a: *\n", (1, 5), "'*' begins an alias"),
         ("a: b: c\n", (1, 5), "a text with ': ' needs quotes"),
+        ("a:\n  b c\n  d: 1\n", (3, 4), "or the line above lacks its ':'"),
+        ("a:\n  - b: 1\n  c: 2\n", (3, 3), "keys of a list's item stand below its first one"),
+        ("a:\n    - b: 1\n   - c: 2\n", (3, 4), "it is indented as no list or mapping above it"),
         ("a: 1\n\u00a0b: 1\n", (2, 1), "a no-break space (U+00A0), which YAML takes for a letter; type a plain space"),
         ("a:\u00a01\n", (1, 3), "a no-break space (U+00A0)"),
         ("a:\n  -\u00a01\n", (2, 4), "a no-break space (U+00A0)"),
@@ -378,3 +383,33 @@ def test_a_length_with_a_unit_is_told_in_metres(written: str, metres: str) -> No
     with pytest.raises(FileProblems) as caught:
         validate_data(*parse_marked("shape: ball\nradius_m: wide\n", "ball.yaml"), Ball)
     assert "metres" not in str(caught.value)
+
+
+class Knob(Record):
+    """Of the tests."""
+
+    at: tuple[float, float, float]
+    synset: Synset = "knob.n.01"
+    motion: Annotated[str, Field(pattern=rf"^{IMPORT_PATH.pattern}$")] = "knobs:turn"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("at: [1, 2]", "t.yaml:1:5: should have 3 items, not 2 [wrong-type]"),
+        ("at: []", "t.yaml:1:5: should have 3 items, not 0 [wrong-type]"),
+        (
+            "at: [1, 2, 3]\nsynset: knob",
+            "t.yaml:2:9: should be a synset such as stapler.n.01, not 'knob' [invalid-value]",
+        ),
+        (
+            "at: [1, 2, 3]\nmotion: knobs.turn",
+            "t.yaml:2:9: should be an import path such as my_module:my_function, not 'knobs.turn' [invalid-value]",
+        ),
+    ],
+)
+def test_a_form_is_told_in_words(text: str, told: str) -> None:
+    """Once: how many numbers a short list lacks, and an example in place of a pattern."""
+    with pytest.raises(FileProblems) as caught:
+        validate_data(*parse_marked(text, "t.yaml"), Knob)
+    assert [str(one) for one in caught.value.problems] == [told]

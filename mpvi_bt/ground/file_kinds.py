@@ -143,6 +143,7 @@ KINDS = (
 )
 _TEXTS = (  # what is neither YAML nor JSON of ours, by its beginning
     (re.compile(r"\s*\{\s*\"trace\"\s*:"), "the trace of a run", "mpvi replay FILE` and `mpvi explain FILE"),
+    (re.compile(r"\s*(?:<[?!][^>]*>\s*)*<robot\b"), "a URDF", "mpvi new robot NAME --urdf FILE"),
     (re.compile(r"\s*<[?!A-Za-z]"), "XML", "mpvi convert FILE OUT.yaml"),
 )
 
@@ -181,3 +182,4 @@ def foreign(text: str, name: str) -> Iterator[Problem]:
     for beginning, what, use in _TEXTS:
         if beginning.match(text):
             yield Problem(name, 1, 1, "wrong-kind", f"this is {what}, not YAML; it is for `{use}`")
+            return

@@ -289,7 +289,7 @@ class _YamlReader:
 _CAUSES = {  # of libyaml's words, what to do
     "mapping values are not allowed in this context": "a text with ': ' needs quotes, and a key its own "
     "line, below its neighbors; or the line above lacks its ':'",
-    "did not find expected '-' indicator": "the other keys of a list's item stand below its first one, not below its '-'",
+    "did not find expected '-' indicator": "keys of a list's item stand below its first one, not below its '-'",
     "did not find expected key": "it is indented as no list or mapping above it, or follows a text in quotes",
     "while scanning a directive": "a line that begins with '%' is a directive, and a text that does needs quotes",
     "while scanning an alias": "'*' begins an alias, and a text that begins with it needs quotes",
