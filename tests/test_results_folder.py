@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from mpvi_bt.apps.cli.group import run
 from mpvi_bt.ground.errors import UserError
 from mpvi_bt.runs.choices.config import EpisodeConfig
+from mpvi_bt.runs.episode.result import other_run, write_result
 from mpvi_bt.runs.report.suite_folders import SuiteFolder
 from mpvi_bt.runs.report.suite_report import SuiteReport
 from mpvi_bt.runs.suite.manifest import FILE, make_manifest
@@ -170,3 +172,12 @@ def test_what_a_unit_or_stand_ins_are_made_of_is_told_when_it_changes(tmp_path: 
 def test_the_shipped_suites_say_what_they_are_for() -> None:
     """It is kept beside their results."""
     assert make_manifest("smoke", load_suite("smoke").episodes(), load_suite("smoke").about).about
+
+
+def test_a_result_that_another_run_left_is_known_for_it(tmp_path: Path) -> None:
+    """By what that was made with, so that it can be told before it is replaced; the same run replaces its own."""
+    config = EpisodeConfig("picking_up_trash")
+    write_result(tmp_path / "one.json", fake_result(config))
+    assert other_run(tmp_path / "one.json", config) == ""
+    assert other_run(tmp_path / "none.json", config) == ""
+    assert other_run(tmp_path / "one.json", replace(config, policy="other")) == f"policy {config.policy!r}"

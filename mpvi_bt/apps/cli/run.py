@@ -126,6 +126,10 @@ def run(
     if resume is None and config.saved is not None:
         config.saved.unlink(missing_ok=True)  # of an earlier run: what it would go on with is overwritten now
     if not dry:
+        from mpvi_bt.runs.episode.result import other_run
+
+        if resume is None and (other := other_run(out / f"{stem}.json", config)):
+            _note(f"{out / f'{stem}.json'} is of a run with {other}; it is replaced, with its trace (--out keeps both)")
         click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     stop = Stop()
     debugs = bool(breaks or step)

@@ -23,6 +23,7 @@ from mpvi_bt.executive.monitors.handoff import Handoff
 from mpvi_bt.executive.plan.planners import Planned
 from mpvi_bt.executive.ticking.goal_report import GoalReport, conditions_met
 from mpvi_bt.ground import paths
+from mpvi_bt.ground.errors import shown
 from mpvi_bt.ground.human import human_stats
 from mpvi_bt.ground.marked_yaml import Amount, Count, Record, Share
 from mpvi_bt.ground.version import __version__
@@ -410,6 +411,15 @@ def kept_handoff(handoff: Handoff) -> Handoff:
     """A handoff with its likely cause, and without wall times, of which the same config gives others."""
     cause = likely_cause(handoff)
     return replace(handoff, cause=cause.sentence if cause else "", wall_mean_s=0.0, wall_most_s=0.0)
+
+
+def other_run(path: Path, config: EpisodeConfig) -> str:
+    """What a result at a path was made with, where this run is made otherwise: "policy 'reactive'"; "" if nowhere."""
+    if (there := read_result(path)) is None:
+        return ""
+    now = json.loads(json.dumps(config.record()))
+    differ = [key for key in now if there.config.get(key) != now[key]]
+    return ", ".join(f"{key} {shown(there.config.get(key))}" for key in differ[:3])
 
 
 def write_result(path: Path, result: Result | Mapping[str, Any]) -> None:
