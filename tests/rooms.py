@@ -19,7 +19,7 @@ BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
 WINGS: dict[str, tuple[tuple[str, ...], ...]] = {
     "ground": (
         ("errors", "version"),
-        ("yaml_reader", "compiled", "import_paths", "standard_streams", "moved"),
+        ("yaml_reader", "compiled", "import_paths", "near_file", "standard_streams", "moved"),
         ("file_kinds", "malformed"),
         ("geometry", "words", "paths", "marked_yaml", "marked_xml", "writing", "proxies"),
         ("robot", "extras", "cost"),

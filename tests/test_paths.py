@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.executive.trace.read import read_trace
 from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import UnknownName, UserError, with_article
+from mpvi_bt.ground.marked_yaml import load_marked
 
 
 def test_what_ships_is_found() -> None:
@@ -113,3 +115,15 @@ def test_a_file_that_is_not_there_is_called_what_it_would_be() -> None:
 def test_words_get_their_article(words: str, said: str) -> None:
     """By how they begin, quoted or not."""
     assert with_article(words) == said
+
+
+def test_a_file_of_nearly_that_name_is_named(tmp_path: Path) -> None:
+    """Wherever a file is read that a user has named; a folder that is not there, or nothing near, adds nothing."""
+    (tmp_path / "drink.yaml").write_text("x")
+    for read in (lambda path: paths.find_or_file("trees", str(path)), load_marked, read_trace):
+        with pytest.raises(UserError, match=r"Did you mean '.*/drink\.yaml'\?"):
+            read(tmp_path / "drik.yaml")
+        for nothing in ("of_another_name.yaml", "gone/drink.yaml"):
+            with pytest.raises(UserError) as told:
+                read(tmp_path / nothing)
+            assert "Did you mean" not in str(told.value)

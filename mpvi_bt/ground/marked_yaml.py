@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError, did_you_mean, nearest, shown
 from mpvi_bt.ground.file_kinds import foreign
 from mpvi_bt.ground.import_paths import IMPORT_PATH
+from mpvi_bt.ground.near_file import near_file
 from mpvi_bt.ground.yaml_reader import (
     MAX_BYTES,
     MAX_DEPTH,
@@ -106,7 +107,8 @@ def read_bytes(path: str | Path) -> bytes:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: NUL in the name
         reason = getattr(error, "strerror", None) or "cannot be read"
-        raise UserError(f"{path}: {reason.lower()}") from None
+        near = near_file(Path(path), ". ") if isinstance(error, FileNotFoundError) else ""
+        raise UserError(f"{path}: {reason.lower()}{near}") from None
     if len(content) > MAX_BYTES:
         raise FileProblems([Problem(str(path), 0, 0, "too-large", f"larger than {MAX_BYTES >> 20} MiB")])
     return content

@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 from mpvi_bt.ground.errors import UnknownName, UserError
+from mpvi_bt.ground.near_file import near_file
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 SUFFIXES = (".yaml", ".yml", ".json")  # of data files; of namesakes in one folder the first one counts
@@ -133,7 +134,7 @@ def find_or_file(folder: str, given: str, kind: str = "") -> Path:
     if given and there:
         return path
     if is_path or path.suffix:
-        raise UserError(f"{given}: there is no such file.")
+        raise UserError(f"{given}: there is no such file.{near_file(path)}")
     beside = [f"{given}{suffix}" for suffix in SUFFIXES if is_file(Path(f"{given}{suffix}"))]
     if beside:
         what = kind or kind_in(folder)

@@ -25,6 +25,7 @@ from mpvi_bt.executive.tree.spec import TreeSpec
 from mpvi_bt.executive.tree.state import NodeState
 from mpvi_bt.executive.tree.yaml_io import from_expanded
 from mpvi_bt.ground.errors import FileProblems, Problem, UserError, shown
+from mpvi_bt.ground.near_file import near_file
 
 VERSION = 1
 MAX_BYTES = 2**29
@@ -237,7 +238,10 @@ def read_trace(path: str | Path) -> Trace:
                 lines.append(line)
     except OSError as error:
         said = (error.strerror or "cannot be read").lower()
-        raise UserError(f"{path}: {said}{_trace_near(Path(path))}") from None
+        near = _trace_near(Path(path))
+        if not near and isinstance(error, FileNotFoundError):
+            near = near_file(Path(path), ". ")
+        raise UserError(f"{path}: {said}{near}") from None
     return _read(str(path), lines)
 
 

@@ -14,6 +14,7 @@ from mpvi_bt.ground.file_kinds import expect
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.marked_yaml import SourceMarks, load_marked, validate_data
+from mpvi_bt.ground.near_file import near_file
 from mpvi_bt.ground.robot.base_reading import base_of, read_base_frame
 from mpvi_bt.ground.robot.camera_part import camera_of, check_cameras
 from mpvi_bt.ground.robot.described import DescribedRobot
@@ -76,7 +77,8 @@ def _made(data: Any, marks: SourceMarks, name: str) -> DescribedRobot:
     told = validate_data(data, marks, RobotFile)
     urdf = Path(marks.file).parent / told.urdf
     if not urdf.is_file():
-        raise FileProblems([marks.problem(("urdf",), "unreadable", f"there is no file {str(urdf)!r}")])
+        message = f"there is no file {str(urdf)!r}{near_file(urdf, '. ')}"
+        raise FileProblems([marks.problem(("urdf",), "unreadable", message)])
     return _described(told, RobotFindings(marks, read_urdf_tree(urdf)), name)
 
 
