@@ -15,6 +15,7 @@ from mpvi_bt.ground.protocols import NO_SKILL, Policy
 from mpvi_bt.ground.robot.action_layout import ActionKind
 from mpvi_bt.ground.robot.action_rows import standing
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.ground.robot.robots import layout_of
 
 CLOSED_EMPTY = f"closed_empty: a hand that was to hold something has been closed on nothing for {MISSED_S:g} s"
 
@@ -117,31 +118,33 @@ class WithBackup:
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(H, A). Raises PolicyError if the one at work gives no chunk."""
+        body = observation["proprioception"]
         if observation["prompt"] != self._prompt:
             self.reset()
             self._prompt = str(observation["prompt"])
-            self._tell(self._first, self._prompt)
+            self._tell(self._first, self._prompt, body)
         else:
-            self._feel(observation["proprioception"])
+            self._feel(body)
         if self._missed:
-            return standing(observation["proprioception"])[None]
+            return standing(body)[None]
         if barred := self._barred():
-            chunk = standing(observation["proprioception"])[None]
+            chunk = standing(body)[None]
         else:
             chunk = ask(self._at, {**observation, "prompt": self._told})
+            self._felt_end.acts(chunk, layout_of(body))
         if barred or self._refused():
-            self._pass_on()
+            self._pass_on(body)
             chunk = chunk[:1]  # the cameras of the next one at work come with the next observation
         self.steps[self._at.name] += len(chunk)
         self._rows = len(chunk)
         return chunk
 
-    def _tell(self, policy: Policy, prompt: str) -> None:
+    def _tell(self, policy: Policy, prompt: str, body: Proprioception) -> None:
         policy.reset()
         self._at, self._told = policy, prompt
         self.prompts[policy.name] += 1
         call = match(prompt, self._skills)
-        self._felt_end, self._rows = FeltEnd(None if call is None else call.skill), 0
+        self._felt_end, self._rows = FeltEnd(None if call is None else call.skill, body), 0
 
     def _feel(self, body: Proprioception) -> None:
         """Begin the next clause if the one at work is done; where the policy cannot say so, by what the hands feel."""
@@ -150,7 +153,7 @@ class WithBackup:
         if silent and self._felt_end.missed(body, since_s):
             self._missed = True
         elif self._left and (self._done or (silent and self._felt_end.felt(body, since_s))):
-            self._tell(self._first, self._left.pop(0))
+            self._tell(self._first, self._left.pop(0), body)
 
     def _barred(self) -> bool:
         """Whether the first one is at work and not to use a skill that it was told to."""
@@ -164,12 +167,12 @@ class WithBackup:
         note = str(getattr(self._first, "note", ""))
         return self._at is self._first and getattr(self._first, "gave_up", False) and note.startswith(NO_SKILL)
 
-    def _pass_on(self) -> None:
+    def _pass_on(self, body: Proprioception) -> None:
         """Give the refused prompt to the second policy; of several clauses, the first policy gets one at a time."""
         self.prompts[self._first.name] -= 1
         parts = clauses(self._told, self._skills)
         if len(parts) > 1:
             self._left = parts[1:]
-            self._tell(self._first, parts[0])
+            self._tell(self._first, parts[0], body)
         else:
-            self._tell(self._second, self._told)
+            self._tell(self._second, self._told, body)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from mpvi_bt.executive.plan.skill_effects import RELEASING
 from mpvi_bt.executive.plan.skills import Skill
+from mpvi_bt.ground.geometry.solids import Array
+from mpvi_bt.ground.robot.action_layout import ActionLayout
 from mpvi_bt.ground.robot.protocol import Proprioception, Side
 
 STEADY_S = 1.0  # our choice: a hand that has slipped off, or only touches, holds nothing for so long
@@ -15,14 +17,18 @@ class FeltEnd:
 
     Args:
         skill: Of the clause; None: it has none, so that nothing is felt of its end.
+        body: What is felt as it begins.
     """
 
-    def __init__(self, skill: Skill | None) -> None:
+    def __init__(self, skill: Skill | None, body: Proprioception | None = None) -> None:
         told = skill.effects.model_dump() if skill is not None else {}
         self._more = 1 if told.get("held") else -1 if any(told.get(term) for term in RELEASING) else 0
         self._before: int | None = None  # hands that held something when it began
         self._so_for_s = 0.0
         self._empty_s: dict[Side, float] = {}  # of hands that have been open: how long each is closed on nothing
+        if body is not None:
+            self.felt(body, 0.0)
+            self.missed(body, 0.0)
 
     def felt(self, body: Proprioception, since_s: float) -> bool:
         """Whether a hand has held something, or let go of it, for a second.
@@ -41,7 +47,8 @@ class FeltEnd:
     def missed(self, body: Proprioception, since_s: float) -> bool:
         """Whether a hand that was to bring something has closed on nothing, and stayed so for `MISSED_S`.
 
-        A hand that has not been open since the clause began says nothing: it may only be on its way.
+        A hand that has not been open since the clause began says nothing: it may only be on its way. One that opened in
+        between, as `acts` knows, tries again.
 
         Args:
             body, since_s: As of `felt`.
@@ -54,3 +61,10 @@ class FeltEnd:
             elif side in self._empty_s:
                 self._empty_s[side] += since_s
         return any(empty_s >= MISSED_S for empty_s in self._empty_s.values())
+
+    def acts(self, chunk: Array, layout: ActionLayout) -> None:
+        """Take note of what hands are told before they are felt again: in a chunk (H, A), of that layout."""
+        if self._more > 0:
+            for side, column in layout.gripper.items():
+                if (chunk[:, column] >= 0).any():
+                    self._empty_s[side] = 0.0
