@@ -74,7 +74,7 @@ def test_the_first_policy_may_be_held_to_some_skills():
 class Silent:
     """A policy that does whatever it is told, and never says that it has ended, such as one of LeRobot's."""
 
-    name, cameras, rate_hz = "silent", (), 10.0
+    name, cameras, rate_hz, actions = "silent", (), 10.0, "delta"
 
     def __init__(self, gripper=-1.0):
         self.told, self.gripper = [], gripper
@@ -140,6 +140,7 @@ def test_a_hand_that_stays_closed_on_nothing_has_missed(prompt, hand, missed):
     assert both.ended is missed
     assert len(chunk) == (1 if missed else 5)
     assert ("closed_empty" in both.note) is missed
+    assert both.actions == ("absolute" if missed else "delta")  # its one row is where the joints are
     both.reset()  # the next handoff
     assert not both.gave_up
 

@@ -69,8 +69,8 @@ class WithBackup:
 
     @property
     def actions(self) -> ActionKind:
-        """Of the one at work."""
-        return getattr(self._at, "actions", "absolute")
+        """Of the one at work; who has missed stands still where the joints are."""
+        return "absolute" if self._missed else getattr(self._at, "actions", "absolute")
 
     @property
     def note(self) -> str:
