@@ -113,6 +113,14 @@ def test_furniture_that_shuts_a_way_is_left_out(tmp_path: Path) -> None:
     assert [fixture.name for fixture in built.fixtures.values()] == ["sofa_1", "sofa_2"]
 
 
+def test_what_is_turned_is_told(tmp_path: Path) -> None:
+    """Furniture stands along walls here; a few degrees are none to speak of."""
+    told = house()
+    told["objects"] = [thing("Bed", 1.5, 2.5, 183), thing("Sofa", 5.5, 1.5, 30)]
+    _, said = made(tmp_path, told)
+    assert "; 1 turned to the nearest right angle" in "\n".join(said)
+
+
 def test_every_type_is_in_the_catalogue() -> None:
     """Its entry can be put up with its shape, and its name is found with and without RoboTHOR's prefix and model."""
     catalogue = load_catalogue()

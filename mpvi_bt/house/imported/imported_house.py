@@ -19,17 +19,20 @@ from mpvi_bt.house.generated.walkable import out_of_reach
 from mpvi_bt.house.imported.fixture_types import PICTURE, WINDOW, FixtureType, fixture_type, is_picture, type_of
 from mpvi_bt.house.imported.floor_rectangles import floor_rectangles
 from mpvi_bt.house.imported.imported_openings import Hole, Openings, rounded
-from mpvi_bt.house.imported.procthor_file import FileOpening, FileThing, ProcthorHouse, read_procthor
+from mpvi_bt.house.imported.procthor_file import FileOpening, FileThing, ProcthorHouse, has_lines, read_procthor
 from mpvi_bt.house.things.catalogue import Catalogue, load_catalogue
 
 SMALLEST_M = 1.0  # side of a room; a house's file has no smaller ones
 AT_WALL_M = 0.35  # what stands so near to the wall behind it stands against it: their sizes are others
 MOVED_M = 0.8  # a thing that has no room where it was is put up to so far away
+TURNED_DEG = 5.0  # what is turned by less to stand along a wall is not told
 _STEP_M = 0.1
 _WAY_M = 1.2  # of a wide opening, this much stays free of furniture: a robot's way, and room to pass by
 _SILL_M = 0.8  # pictures hang above this
+_LOWEST_WINDOW_M = 0.3  # our choice: no window is lower
+_IN_WALL_M = 0.1  # an opening so near to a wall's surface is in that wall
 _CEILING_M = 2.1  # what hangs ends below the walls' upper edge
-_SEEN = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 class ImportedHouse:
@@ -40,7 +43,7 @@ class ImportedHouse:
         source: What it is called in messages and in the file's first line.
 
     Raises:
-        UserError: It has walls that run askew, a room that is too small, or one that no door leads to.
+        UserError: It has walls at odd angles, a room that is too small, or a room without a door.
     """
 
     def __init__(self, house: ProcthorHouse, source: str) -> None:
@@ -57,6 +60,7 @@ class ImportedHouse:
         self._left: Counter[str] = Counter()
         self._no_room: list[str] = []
         self._moved: list[float] = []
+        self._turned = 0
         self._floors = {name: self._floor(name) for name in self._parts}
         self._furnish()
 
@@ -69,7 +73,7 @@ class ImportedHouse:
 
     def _cut_rooms(self) -> None:
         for room in self._house.rooms:
-            base = _SEEN.sub("_", room.room_type).lower()
+            base = _HUMP.sub("_", room.room_type).lower()
             if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", base):
                 raise UserError(
                     f"{self._source}: room {room.id!r} has the type {room.room_type[:40]!r}, which is no name"
@@ -133,9 +137,8 @@ class ImportedHouse:
         for thing in self._house.objects:
             self._left.update(type_of(small.id) for small in _all(thing.children))  # what stands on something
         types = {room.id: room.room_type for room in self._house.rooms}
-        for thing in sorted(
-            self._house.objects, key=lambda thing: is_picture(type_of(thing.id))
-        ):  # what hangs comes last
+        last_pictures = sorted(self._house.objects, key=lambda thing: is_picture(type_of(thing.id)))
+        for thing in last_pictures:
             kind = type_of(thing.id)
             part = self._part_at(thing.position.x, thing.position.z)
             found = fixture_type(kind, types[self._room_of[part]] if part else "")
@@ -147,6 +150,9 @@ class ImportedHouse:
                 self._no_room.append(f"{kind} in the {part}")
         for window in self._house.windows:
             self._put_window(window)
+        for floor in self._floors.values():
+            if not _passable(floor, []):
+                self.said.append(f"too narrow for a robot to get from doorway to doorway: {floor.name}")
         blocking = [piece for floor in self._floors.values() for piece in _clear_ways(floor)]
         if blocking:
             self.said.append(f"left out, so that a robot gets through the room: {', '.join(blocking)}")
@@ -183,6 +189,7 @@ class ImportedHouse:
             )
             if self._put(floor, piece):
                 self._moved.append(float(np.hypot(du, dv)))
+                self._turned += abs((thing.rotation.y + 45) % 90 - 45) > TURNED_DEG
                 return True
         return False
 
@@ -196,22 +203,20 @@ class ImportedHouse:
     def _put_window(self, window: FileOpening) -> None:
         ends = self._house.span(window)
         low, high = sorted(hole.y for hole in window.hole_polygon)
-        parts = [n for n, room in self._room_of.items() if room == window.room0]
-        for name in parts if ends is not None else []:
-            floor = self._floors[name]
-            for side in SIDES:
-                frame = floor.frame(side)
-                assert ends is not None
-                (ua, va), (ub, vb) = (_along(frame, *end) for end in ends)
-                if max(abs(va), abs(vb)) > 0.1 or min(ua, ub) < 0 or max(ua, ub) > frame.length_m:
-                    continue
-                top = min(high, _CEILING_M)
-                size = [0.06, round(abs(ub - ua), 2), round(max(top - low, 0.3), 2)]
-                shape = {"size_m": size, "panes": 2 if size[1] > 1 else 1}
-                piece = floor.piece("", WINDOW, frame, (ua + ub) / 2, z_m=round(min(low, top - 0.3), 2), shape=shape)
-                if self._put(floor, piece):
-                    return
-        self._no_room.append("window")
+        top = min(high, _CEILING_M)
+        low = min(low, top - _LOWEST_WINDOW_M)
+        rooms = [floor for name, floor in self._floors.items() if self._room_of[name] == window.room0]
+        for frame, floor in ((floor.frame(side), floor) for floor in rooms for side in SIDES):
+            if ends is None:
+                break
+            (ua, va), (ub, vb) = (_along(frame, *end) for end in ends)
+            if max(abs(va), abs(vb)) > _IN_WALL_M or min(ua, ub) < 0 or max(ua, ub) > frame.length_m:
+                continue
+            size = [0.06, round(abs(ub - ua), 2), round(top - low, 2)]
+            shape = {"size_m": size, "panes": 2 if size[1] > 1 else 1}
+            if self._put(floor, floor.piece("", WINDOW, frame, (ua + ub) / 2, z_m=round(low, 2), shape=shape)):
+                return
+        self._no_room.append(WINDOW)
 
     def _tell(self) -> None:
         put = sum(len(floor.pieces) for floor in self._floors.values())
@@ -219,6 +224,7 @@ class ImportedHouse:
         self.said.append(
             f"{put} fixtures, with the sizes of our catalogue, since the file has none"
             + (f"; {len(far)} moved by up to {100 * max(far):.0f} cm, to have room" if far else "")
+            + (f"; {self._turned} turned to the nearest right angle" if self._turned else "")
         )
         if self._no_room:
             self.said.append(f"no room for: {_counted(Counter(self._no_room))}")
@@ -251,15 +257,26 @@ class _RoomTints(Tints):
         return self._known[base]
 
 
+def _passable(floor: RoomFloor, pieces: list[Furnishing]) -> bool:
+    """Whether a robot would get from doorway to doorway, with that furniture."""
+    there, floor.pieces = floor.pieces, pieces
+    try:
+        return not any(found.startswith("doorway") for found in out_of_reach(floor))
+    finally:
+        floor.pieces = there
+
+
 def _clear_ways(floor: RoomFloor) -> list[str]:
-    """Take furniture away, the last first, until a robot gets from doorway to doorway; its names."""
-    taken = []
-    while any(found.startswith("doorway") for found in out_of_reach(floor)):
-        last = next((piece for piece in reversed(floor.pieces) if piece.on_floor and piece.z_m == 0), None)
-        if last is None:
-            break
-        floor.pieces.remove(last)
-        taken.append(f"{last.name} in the {floor.name}")
+    """Take furniture away until a robot gets through: the one piece that is in the way, or else the last; its names."""
+    taken: list[str] = []
+    if not _passable(floor, []):
+        return taken
+    while not _passable(floor, floor.pieces):
+        standing = [piece for piece in reversed(floor.pieces) if piece.on_floor]
+        alone = (one for one in standing if _passable(floor, [piece for piece in floor.pieces if piece is not one]))
+        blocking = next(alone, standing[0])
+        floor.pieces = [piece for piece in floor.pieces if piece is not blocking]
+        taken.append(f"{blocking.name} in the {floor.name}")
     return taken
 
 
@@ -298,6 +315,6 @@ def imported_house(file: Path, line: int = 1) -> tuple[str, list[str]]:
     Raises:
         UserError: As `read_procthor` and `ImportedHouse`.
     """
-    source = f"{file.name}, line {line}" if ".jsonl" in file.suffixes else file.name
+    source = f"{file.name}, line {line}" if has_lines(file) else file.name
     made = ImportedHouse(read_procthor(file, line), source)
     return made.text(), made.said

@@ -20,7 +20,8 @@ from pydantic.alias_generators import to_camel
 from mpvi_bt.ground.errors import UserError, shown
 
 MAX_BYTES = 20_000_000  # of one house; theirs have 30 to 300 kB
-_MOST = 5000  # rooms, walls or things
+# Theirs have 10 rooms of 11 corners at most; the bounds keep a hostile file from taking long.
+_MOST_ROOMS, _MOST_CORNERS, _MOST = 100, 40, 2000
 
 Name = Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]  # on one line
 Number = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]
@@ -45,7 +46,7 @@ class FileRoom(ProcthorRecord):
 
     id: Name
     room_type: Name
-    floor_polygon: Annotated[list[FilePlace], Field(min_length=3, max_length=200)]
+    floor_polygon: Annotated[list[FilePlace], Field(min_length=3, max_length=_MOST_CORNERS)]
 
 
 class FileWall(ProcthorRecord):
@@ -79,7 +80,7 @@ class FileThing(ProcthorRecord):
 class ProcthorHouse(ProcthorRecord):
     """What is read of a house; its materials, lights and colors are not."""
 
-    rooms: Annotated[list[FileRoom], Field(min_length=1, max_length=_MOST)]
+    rooms: Annotated[list[FileRoom], Field(min_length=1, max_length=_MOST_ROOMS)]
     walls: Annotated[list[FileWall], Field(max_length=_MOST)] = []
     doors: Annotated[list[FileOpening], Field(max_length=_MOST)] = []
     windows: Annotated[list[FileOpening], Field(max_length=_MOST)] = []
@@ -99,6 +100,11 @@ class ProcthorHouse(ProcthorRecord):
         return a, b
 
 
+def has_lines(file: Path) -> bool:
+    """Whether a file is one of many houses, a line each, by its name."""
+    return file.name.endswith((".jsonl", ".jsonl.gz"))
+
+
 def read_procthor(file: Path, line: int = 1) -> ProcthorHouse:
     """A house of a file.
 
@@ -109,7 +115,7 @@ def read_procthor(file: Path, line: int = 1) -> ProcthorHouse:
     Raises:
         UserError: The file cannot be read, has no such line, or no house of ProcTHOR's is in it.
     """
-    lines = file.suffixes[-2:] in ([".jsonl", ".gz"],) or file.suffix == ".jsonl"
+    lines = has_lines(file)
     place = f"{file}, line {line}" if lines else f"{file}"
     try:
         data = _line(file, line) if lines else _bounded(file.read_bytes(), place)
