@@ -42,6 +42,14 @@ def rows(before: Sequence[Episode], now: Sequence[Result]) -> Iterator[list[str]
     yield [told, "", "", *(f"{mean:.2f}" for mean in q.mean(0))]
 
 
+def answers(now: Sequence[Result]) -> str:
+    """What completion checkers answered in some episodes, and how often that was wrong, in a line."""
+    asked = [one.queries for one in now]
+    yes, false_yes, false_no = (sum(getattr(one, name) for one in asked) for name in ("yes", "false_yes", "false_no"))
+    no = sum(one.asked - one.yes for one in asked)
+    return f"checker: {yes} yes, of these {false_yes} false; {no} no, of these {false_no} false"
+
+
 def _key(one: Result) -> tuple[str, str, int, int]:
     return one.config["method"], one.task, one.instance_id, one.rollout_id
 
@@ -54,7 +62,8 @@ def main(name: str, folder: Path) -> None:
     file = load(name)
     if not isinstance(file, Played):
         raise click.UsageError(f"{name} has no episodes, which are compared one by one")
-    click.echo(grid(HEADS, list(rows(file.episodes, results(folder)))))
+    now = results(folder)
+    click.echo(f"{grid(HEADS, list(rows(file.episodes, now)))}\n\n{answers(now)}")
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def test_an_interval_is_about_the_mean() -> None:
 
 
 def test_what_fell_since_is_told_first() -> None:
-    """Then what rose, then the mean of all pairs; what did not change has no row, and what has no partner no part."""
+    """Then what rose, then the mean of all pairs. Only changes have rows."""
     now = [result(i) for i in (0, 1, 3, 4)]  # q is 1 and, of odd ones, 0.5
     now = [one.model_copy(update={"config": {**one.config, "method": "mpvi"}}) for one in now]
     before = [
