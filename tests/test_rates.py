@@ -244,7 +244,7 @@ def test_who_says_the_rate_comes_in_one_order(tmp_path: Path) -> None:
 
     own, silent, taught = Rows(wave(9), 9, 10.0), Rows(wave(9), 9), Rows(wave(9), 9)
     taught.dataset = str(tmp_path)  # type: ignore[attr-defined]
-    assert pace(Rows(wave(9), 9, 10.0), 5.0) == Pace(5.0, "absolute", "--policy-rate; the policy says 10")
+    assert pace(Rows(wave(9), 9, 10.0), 5.0) == Pace(5.0, "absolute", "--policy-rate; the policy says 10", True)
     assert pace(own) == Pace(10.0, "absolute", "the policy")
     assert pace(taught) == Pace(15.0, "absolute", f"the dataset {tmp_path}")
     assert pace(silent) == Pace(30.0, "absolute", "")

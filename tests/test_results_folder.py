@@ -175,7 +175,7 @@ def test_the_shipped_suites_say_what_they_are_for() -> None:
 
 
 def test_a_result_that_another_run_left_is_known_for_it(tmp_path: Path) -> None:
-    """By what that was made with, so that it can be told before it is replaced; the same run replaces its own."""
+    """Its other settings are told. The same run replaces its own result without a word."""
     config = EpisodeConfig("picking_up_trash")
     write_result(tmp_path / "one.json", fake_result(config))
     assert other_run(tmp_path / "one.json", config) == ""

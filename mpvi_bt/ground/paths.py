@@ -84,7 +84,7 @@ def is_file(path: Path) -> bool:
     """Whether there is such a file; False, not an error, for a name that no file can have."""
     try:
         return path.is_file()
-    except OSError:
+    except (OSError, ValueError):  # ValueError: NUL in the name
         return False
 
 

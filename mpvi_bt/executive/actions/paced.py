@@ -25,17 +25,15 @@ class Pace:
     Attributes:
         rate_hz: Rows a second.
         kind: Of the joints in them.
-        said_by: Who says the rate, such as "--policy-rate" or "the server"; "": nobody, so that it is 30.
+        said_by: Who says the rate, such as "--policy-rate" or "the server"; "": nobody, so that it is 30. Where the
+            policy says another one, that too.
+        contradicted: Whether it does.
     """
 
     rate_hz: float
     kind: ActionKind
     said_by: str
-
-    @property
-    def contradicted(self) -> bool:
-        """Whether somebody says another rate, too; `said_by` then tells who."""
-        return " says " in self.said_by
+    contradicted: bool = False
 
 
 class PacedPolicy(WrappedPolicy):
@@ -135,7 +133,7 @@ class PacedPolicy(WrappedPolicy):
         by = getattr(self._policy, "rate_from", "") or "the policy"
         if self._given is not None:
             other = f"; {by} says {own:g}" if isinstance(own, int | float) and own != self._given else ""
-            return Pace(self._given, kind, self._said_by + other)
+            return Pace(self._given, kind, self._said_by + other, bool(other))
         if own is None:
             return Pace(CONTROL_HZ, kind, "")
         try:

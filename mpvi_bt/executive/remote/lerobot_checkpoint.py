@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from mpvi_bt.executive.remote.dataset_rate import dataset_rate
 from mpvi_bt.executive.remote.dialect_settings import DialectSettings
 from mpvi_bt.executive.remote.task_settings import check_robot
 from mpvi_bt.executive.remote.wire_mapping import MOST_ACTIONS
+from mpvi_bt.ground import paths
 from mpvi_bt.ground.errors import UserError, shown
 from mpvi_bt.ground.robot.action_layout import KINDS, ActionKind
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
@@ -162,9 +162,8 @@ def _dataset(folder: Path) -> tuple[Path | None, dict[str, Any]]:
     root = told.get("root") if isinstance(told, dict) else None
     if isinstance(root, str):
         for base in (Path(), *folder.absolute().parents):  # a relative one is from where it was trained
-            with contextlib.suppress(OSError, ValueError):  # a root that no file could have
-                if (info := base / root / INFO).is_file():
-                    return base / root, _json(info)
+            if paths.is_file(info := base / root / INFO):
+                return base / root, _json(info)
     return None, {}
 
 

@@ -25,7 +25,7 @@ _UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
     AttributeError,
-    NotImplementedError,
+    NotImplementedError,  # of zipfile: a compression that nobody knows
 )
 _TOLD = {"count": "iu", "kinds": "U", "drawn": "U", "K": "f", "T_world_camera": "f", "camera": "U"}  # kinds of arrays
 

@@ -414,12 +414,12 @@ def kept_handoff(handoff: Handoff) -> Handoff:
 
 
 def other_run(path: Path, config: EpisodeConfig) -> str:
-    """What a result at a path was made with, where this run is made otherwise: "policy 'reactive'"; "" if nowhere."""
+    """Settings of the result at a path that this run has otherwise, such as "policy 'reactive'"; "": none."""
     if (there := read_result(path)) is None:
         return ""
     now = json.loads(json.dumps(config.record()))
-    differ = [key for key in now if there.config.get(key) != now[key]]
-    return ", ".join(f"{key} {shown(there.config.get(key))}" for key in differ[:3])
+    differ = [key for key in now if there.config.get(key, now[key]) != now[key]]  # a version before may lack some
+    return ", ".join(f"{key} {shown(there.config[key])}" for key in differ[:3])
 
 
 def write_result(path: Path, result: Result | Mapping[str, Any]) -> None:

@@ -95,7 +95,7 @@ def lint_task(data: Any, marks: SourceMarks) -> list[Problem]:
         SymbolicPlanner(task).ask(Path(marks.file).stem)
     except NoPlan as error:
         return [marks.problem(("problem",), "no-plan", f"no plan is on file, and {error}", severity="warning")]
-    except FileProblems as error:  # of another file, which is told where that is checked
+    except FileProblems as error:  # of another file; its own check tells them
         where = f"{error.problems[0].file}:{error.problems[0].line}"
         message = f"no plan is on file, and none can be made until {where} is right"
         return [marks.problem((), "no-plan", message, severity="note")]
