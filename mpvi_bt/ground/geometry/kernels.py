@@ -65,6 +65,15 @@ def distance(q, near, weights):  # type: ignore
 
 
 @compiled
+def leaps(q, after, leap):  # type: ignore
+    """Whether a joint turns by more than `leap` [rad] from one posture to another."""
+    for j in range(7):  # noqa: SIM110
+        if abs(after[j] - q[j]) > leap:
+            return True
+    return False
+
+
+@compiled
 def copied(values, out):  # type: ignore
     """Write values (n,) to `out`."""
     for k in range(values.shape[0]):

@@ -129,12 +129,12 @@ _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (
 
 
 Reach = Callable[[Array, Array], float]  # how much of the way between two postures is free, 1 if all of it is
-HandPath = Callable[[float], Array]  # 0..1 to T_base_tcp (4, 4)
+HandPath = Callable[[Array], Array]  # shares (n,) of the way, 0..1, to T_base_tcp (n, 4, 4)
 
 
 def stay(T_base_tcp: Array) -> HandPath:
     """The path of a hand that keeps its pose."""
-    return lambda u: T_base_tcp
+    return lambda shares: np.broadcast_to(T_base_tcp, (len(shares), 4, 4))
 
 
 def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
@@ -143,9 +143,10 @@ def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
     ends = quaternion(start[:3, :3]), quaternion(goal[:3, :3])
     via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
 
-    def path(u: float) -> Array:
-        p = first + (via - first) * 2 * u if u < 0.5 else via + (last - via) * (2 * u - 1)
-        return kin.transform(matrices(between(*ends, np.array([u])))[0], p)
+    def path(shares: Array) -> Array:
+        u = shares[:, None]
+        p = np.where(u < 0.5, first + (via - first) * 2 * u, via + (last - via) * (2 * u - 1))
+        return kin.transform(matrices(between(*ends, shares)), p)
 
     return path
 
@@ -175,18 +176,17 @@ def swing(
     body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int = 12
 ) -> dict[Side, list[Array]] | None:
     """As `sweep`, whatever stands around: None if an arm would have to leap or the robot would touch itself."""
-    out = {side: [body.arms[side]] for side in hands}
-    shares = np.linspace(0, 1, samples + 1).tolist()
-    torsos = list(zip(shares, _torsos(body.torso, torso, samples), strict=True))[1:]
+    out: dict[Side, list[Array]] = {}
+    shares, torsos = np.linspace(0, 1, samples + 1)[1:], _torsos(body.torso, torso, samples)[1:]
+    chests = kin.inverse(body.robot.chest(torsos))
     for side, path in hands.items():  # what is cheap to refute comes first
-        for u, now in torsos:
-            q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(now)), path(u)), side, out[side][-1])
-            if q is None or np.abs(q - out[side][-1]).max() > _SWEEP_LEAP_RAD:
-                return None
-            out[side].append(q)
+        q = body.robot.postures_along(matmul(chests, path(shares)), side, body.arms[side], _SWEEP_LEAP_RAD)
+        if q is None:
+            return None
+        out[side] = [body.arms[side], *q]
     # The arms have to come clear of each other, whatever they start from.
     before = {s: min(0.0, float(body.amid(NOTHING).clearance(s, q)[1][0])) - 1e-6 for s, q in body.arms.items()}
-    for k, (u, now) in enumerate(torsos, 1):
+    for k, (u, now) in enumerate(zip(shares, torsos, strict=True), 1):
         moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in out.items()}}, around=NOTHING)
         for side, q in moved.arms.items():
             apart = before[side] if u < 0.3 else _SWING_M if side in body.held else 0.0
@@ -247,13 +247,8 @@ def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp:
     shares = np.linspace(0, 1, n + 1)[1:]
     at = first[:3, 3] + (T_base_tcp[:3, 3] - first[:3, 3]) * shares[:, None]
     line = matmul(kin.inverse(robot.chest(torso)), kin.transform(matrices(between(*ends, shares)), at))
-    path = [start]
-    for T in line:
-        q = robot.nearest_posture(T, side, path[-1])
-        if q is None or np.abs(q - path[-1]).max() > _LEAP_RAD:
-            return None
-        path.append(q)
-    return path
+    q = robot.postures_along(line, side, start, _LEAP_RAD)
+    return None if q is None else [start, *q]
 
 
 def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | None:

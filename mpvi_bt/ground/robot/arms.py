@@ -49,10 +49,17 @@ class Arm(Protocol):
         """
         ...
 
-    def nearest(self, T: Array, q_near: Array, samples: int) -> Array | None:
-        """The posture (7,) of one target (4, 4) that is nearest to `q_near` (7,), or None if it is out of reach.
+    def nearest(self, T: Array, q_near: Array, samples: int) -> tuple[NDArray[np.bool_], Array]:
+        """Which targets (n, 4, 4) are within reach (n,), and the posture of each that is nearest to its `q_near` (7,).
 
         The best of the samples is refined: along a line the elbow moves evenly, not from sample to sample.
+        """
+        ...
+
+    def along(self, T: Array, start: Array, samples: int, leap_rad: float) -> Array:
+        """The postures (m, 7) of targets (n, 4, 4), each the nearest to the one before, the first to `start` (7,).
+
+        They end, m < n, before a target that is out of reach or for which a joint would turn by more than `leap_rad`.
         """
         ...
 
@@ -65,7 +72,7 @@ class _Looped(ABC):
     @property
     @abstractmethod
     def _loops(self) -> ModuleType:
-        """The file, with `arm_frames`, `arm_inverse` and `nearest`."""
+        """The file, with `arm_frames`, `arm_inverse`, `nearest` and `along`."""
 
     @property
     @abstractmethod
@@ -81,10 +88,15 @@ class _Looped(ABC):
         index, q = self._loops.arm_inverse(T, *self._shape, self.limits, samples)
         return index, q
 
-    def nearest(self, T: Array, q_near: Array, samples: int) -> Array | None:
+    def nearest(self, T: Array, q_near: Array, samples: int) -> tuple[NDArray[np.bool_], Array]:
         """As of `Arm`."""
         found, q = self._loops.nearest(T, *self._shape, self.limits, samples, q_near, _WEIGHTS)
-        return q if found else None
+        return found, q
+
+    def along(self, T: Array, start: Array, samples: int, leap_rad: float) -> Array:
+        """As of `Arm`."""
+        count, q = self._loops.along(T, *self._shape, self.limits, samples, start, _WEIGHTS, leap_rad)
+        return np.asarray(q[:count])
 
 
 @dataclass(frozen=True, eq=False)

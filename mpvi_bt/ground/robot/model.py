@@ -302,8 +302,26 @@ class RobotModel:
 
     def nearest_posture(self, T_chest_tcp: Array, side: Side, q_near: Array, swivels: int = 72) -> Array | None:
         """The solution (7,) of one target (4, 4) nearest to posture `q_near` (7,), or None if it is out of reach."""
-        near = np.asarray(q_near, float)
-        return self.arms[side].nearest(np.ascontiguousarray(T_chest_tcp, float), near, swivels)
+        found, q = self.nearest_postures(T_chest_tcp[None], side, q_near[None], swivels)
+        return q[0] if found[0] else None
+
+    def nearest_postures(
+        self, T_chest_tcp: Array, side: Side, q_near: Array, swivels: int = 72
+    ) -> tuple[NDArray[np.bool_], Array]:
+        """Which targets (n, 4, 4) are within reach (n,), and the solution (n, 7) nearest to each of `q_near` (n, 7)."""
+        T, near = np.ascontiguousarray(T_chest_tcp, float), np.ascontiguousarray(q_near, float)
+        return self.arms[side].nearest(T, near, swivels)
+
+    def postures_along(
+        self, T_chest_tcp: Array, side: Side, start: Array, leap_rad: float, swivels: int = 72
+    ) -> Array | None:
+        """The postures (n, 7) of targets (n, 4, 4), each the nearest to the one before, the first to `start` (7,).
+
+        None if one of them is out of reach, or a joint would turn by more than `leap_rad` from one to the next.
+        """
+        T, first = np.ascontiguousarray(T_chest_tcp, float), np.ascontiguousarray(start, float)
+        q = self.arms[side].along(T, first, swivels, leap_rad)
+        return q if len(q) == len(T) else None
 
     def limit_cost(self, q: Array, side: Side) -> Array:
         """(n,) how far joints of postures (n, 7) are into the last tenths of their ranges, summed, in half ranges."""

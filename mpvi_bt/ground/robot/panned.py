@@ -17,6 +17,7 @@ from mpvi_bt.ground.geometry.kernels import (
     framed,
     identity,
     integer,
+    leaps,
     narrowed,
     rotate,
     shifted,
@@ -136,9 +137,9 @@ def _off(pan, way, T, shoulder, offset, a, b, tcp, limits, near, weights, q):  #
 
 
 @compiled
-def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # type: ignore
-    """Whether there is a posture for one target, and the one nearest to `near`: the best pan, then refined."""
-    best, best_q, q = np.inf, np.zeros(7), np.empty(7)
+def _nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights, q, best_q):  # type: ignore
+    """Whether there is a posture for one target; the one nearest to `near` is written: the best pan, then refined."""
+    best = np.inf
     step, at, way = (limits[0, 1] - limits[0, 0]) / pans, 0.0, integer(-1)
     for i in range(-1, pans):
         pan = near[0] if i < 0 else limits[0, 0] + step * (i + 0.5)  # along a line it hardly changes
@@ -148,7 +149,7 @@ def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # typ
                 best, at, way = total, pan, one
                 copied(q, best_q)
     if way < 0:
-        return False, best_q
+        return False
     low, high, ratio = at - step, at + step, (math.sqrt(5.0) - 1) / 2
     while high - low > 1e-5:
         left, right = high - ratio * (high - low), low + ratio * (high - low)
@@ -161,4 +162,26 @@ def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # typ
             best = two
             copied(q, best_q)
         low, high = narrowed(low, high, left, right, one, two, at)
-    return True, best_q
+    return True
+
+
+@compiled
+def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # type: ignore
+    """Which targets (n, 4, 4) have a posture, and for each the one (n, 7) nearest to its own `near` (n, 7)."""
+    found, out, q = np.empty(T.shape[0], np.bool_), np.zeros((T.shape[0], 7)), np.empty(7)
+    for k in range(T.shape[0]):
+        found[k] = _nearest(T[k], shoulder, offset, a, b, tcp, limits, pans, near[k], weights, q, out[k])
+    return found, out
+
+
+@compiled
+def along(T, shoulder, offset, a, b, tcp, limits, pans, start, weights, leap):  # type: ignore
+    """How many targets are reached in turn without a leap, and postures (n, 7), each nearest to the one before."""
+    out, q = np.zeros((T.shape[0], 7)), np.empty(7)
+    for k in range(T.shape[0]):
+        near = start if k == 0 else out[k - 1]
+        if not _nearest(T[k], shoulder, offset, a, b, tcp, limits, pans, near, weights, q, out[k]):
+            return k, out
+        if leaps(near, out[k], leap):
+            return k, out
+    return T.shape[0], out

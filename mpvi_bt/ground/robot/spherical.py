@@ -18,6 +18,7 @@ from mpvi_bt.ground.geometry.kernels import (
     framed,
     identity,
     integer,
+    leaps,
     narrowed,
     rotate,
     shifted,
@@ -196,10 +197,9 @@ def _at_swivel(c, s, way, T, to, ce, se, shortest, roll, limits, near, weights, 
 
 
 @compiled
-def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # type: ignore
-    """Whether there is a posture for one target, and the one nearest to `near`: the best swivel, then refined."""
-    best, best_q = np.inf, np.zeros(7)
-    W, q = np.empty((3, 3)), np.empty(7)
+def _nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights, W, q, best_q):  # type: ignore
+    """Whether there is a posture for one target; that nearest to `near` is written: the best swivel, then refined."""
+    best = np.inf
     step, at, way, bent = 2 * math.pi / swivels, 0.0, integer(-1), integer(0)
     for bend in range(2):
         good, q4, to, shortest = _prepared(T, shoulder, a, b, tcp, bend)
@@ -224,7 +224,7 @@ def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # ty
                         _other_way(q, integer(4), roll)
                 _other_way(q, integer(0), roll)
     if way < 0:
-        return False, best_q
+        return False
     _, q4, to, shortest = _prepared(T, shoulder, a, b, tcp, bent)
     q[3], ce, se = q4, math.cos(q4), math.sin(q4)
     # Between two sampled swivels the distance has one minimum: without it the elbow would follow a line in jerks.
@@ -242,4 +242,28 @@ def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # ty
             best = two
             copied(q, best_q)
         low, high = narrowed(low, high, psi, more, one, two, at)
-    return True, best_q
+    return True
+
+
+@compiled
+def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # type: ignore
+    """Which targets (n, 4, 4) have a posture, and for each the one (n, 7) nearest to its own `near` (n, 7)."""
+    found, out = np.empty(T.shape[0], np.bool_), np.zeros((T.shape[0], 7))
+    W, q = np.empty((3, 3)), np.empty(7)
+    for k in range(T.shape[0]):
+        found[k] = _nearest(T[k], shoulder, a, b, tcp, roll, limits, swivels, near[k], weights, W, q, out[k])
+    return found, out
+
+
+@compiled
+def along(T, shoulder, a, b, tcp, roll, limits, swivels, start, weights, leap):  # type: ignore
+    """How many targets are reached in turn without a leap, and postures (n, 7), each nearest to the one before."""
+    out = np.zeros((T.shape[0], 7))
+    W, q = np.empty((3, 3)), np.empty(7)
+    for k in range(T.shape[0]):
+        near = start if k == 0 else out[k - 1]
+        if not _nearest(T[k], shoulder, a, b, tcp, roll, limits, swivels, near, weights, W, q, out[k]):
+            return k, out
+        if leaps(near, out[k], leap):
+            return k, out
+    return T.shape[0], out

@@ -19,7 +19,7 @@ from mpvi_bt.ground.robot.model import SIGN
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.work import Work
-from mpvi_bt.hands.stance.postures import TOUCH_M
+from mpvi_bt.hands.stance.glance import TOUCH_M
 from mpvi_bt.hands.stance.refusals import Refusals, deepest
 from mpvi_bt.hands.stance.site import base_clear
 

@@ -17,8 +17,9 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot import arm_motion
-from mpvi_bt.ground.robot.collision import Body, Load
+from mpvi_bt.ground.robot.collision import Body
 from mpvi_bt.ground.robot.protocol import Side, other
+from mpvi_bt.hands.stance.glance import MARGIN_M, TOUCH_M, Glance, after, free
 from mpvi_bt.hands.stance.refusals import deepest
 from mpvi_bt.hands.stance.site import Site, Standing
 from mpvi_bt.hands.stance.stance import Option, Stance
@@ -32,17 +33,13 @@ class PostureParameters:
     """
 
     pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)  # pitches of the trunk [rad]
-    margin_m: float = 0.012  # clearance of the arm at the work place [m]
     ranked: int = 1200  # postures that are checked at the work place
-    glanced: int = 80  # of those, postures that may fail at the other waypoints
-    refused: int = 4  # the same for one option
     checked: int = 16  # remaining postures that are checked on the whole way
 
 
 _POSTURE = PostureParameters()
 # Our choice, of the arm's way to where the hand works, the wide berth first: in motion it runs up to 2 cm off its path.
 WAY_MARGINS_M = (0.03, 0.005)
-TOUCH_M = 0.008  # our choice: spheres reach that far beyond what they stand for: what may be near a hand that touches
 
 
 def stance_at(
@@ -78,22 +75,14 @@ def stance_at(
     t, g, q = t[: _POSTURE.ranked], g[: _POSTURE.ranked], q[: _POSTURE.ranked]
     touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
     rows = np.flatnonzero(_clear(site, base, torsos, t, q, touching[g], arms))
-    seen: dict[tuple[int, int], int] = {}
-    refused: dict[int, int] = {}
+    glance = Glance(site, base, behind, arms, torsos, [options[k] for k in able], goals, keys, t, g, q)
     checked = 0
     standing: dict[int, Standing | None] = {}
-    for row in rows:
-        where = (int(t[row]), int(g[row]))
-        if seen.get(where, 0) >= 2 or refused.get(where[1], 0) >= _POSTURE.refused:
-            continue
-        seen[where] = seen.get(where, 0) + 1
-        if checked >= _POSTURE.checked or sum(refused.values()) >= _POSTURE.glanced:
+    for row in glance.passed(rows):
+        if checked >= _POSTURE.checked:
             break
+        where = (int(t[row]), int(g[row]))
         torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
-        posed = site.body(torso, behind, arms)
-        if not _postures_clear(site, posed, base, options[k], goals[where[1]], key, q[row]):
-            refused[where[1]] = refused.get(where[1], 0) + 1
-            continue
         checked += 1
         if standing.get(where[0]) is None:
             standing[where[0]] = site.stood(torso, behind, arms, goals[where[1]][0])
@@ -131,42 +120,8 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
         rows = np.flatnonzero((t == k) & touching)
         out[rows] = body.amid(loose, bare).free(site.side, q[rows], -TOUCH_M, grasping=True)
         rows = np.flatnonzero((t == k) & ~touching)
-        out[rows] = body.free(site.side, q[rows], _POSTURE.margin_m)
+        out[rows] = body.free(site.side, q[rows], MARGIN_M)
     return out
-
-
-def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: Array, key: int, q_key: Array) -> bool:
-    """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at.
-
-    `q_key`, the posture at `key`, is clear: see `_clear`.
-    """
-    for k, target in enumerate(matmul(body.from_chest, goals)):
-        if k != key:
-            near = body.robot.nearest_posture(target, site.side, q_key)
-            if near is None or not _free(site, body, base, option, k, near):
-                return False
-    return True
-
-
-def _free(site: Site, body: Body, base: Array, option: Option, k: int, q: Array) -> bool:
-    """Whether posture q (7,) is clear at waypoint `k`."""
-    if k < option.contact:
-        there = body.amid(site.around(base, touched=True))
-        return bool(there.free(site.side, q, _POSTURE.margin_m)[0])
-    held = _after(site, body, option) if k > option.contact else _bare(site, body)
-    there = body.amid(site.around(base, touched=False), held)
-    return bool(there.free(site.side, q, -TOUCH_M, grasping=True)[0])
-
-
-def _bare(site: Site, body: Body) -> dict[Side, Load]:
-    """What the other hand holds."""
-    return {s: load for s, load in body.held.items() if s != site.side}
-
-
-def _after(site: Site, body: Body, option: Option) -> dict[Side, Load]:
-    """What the hands hold after the contact."""
-    bare = _bare(site, body)
-    return bare if option.load is None else {**bare, site.side: option.load}
 
 
 def _reached(
@@ -182,18 +137,18 @@ def _reached(
     sets_down = site.side in site.held and option.contact < len(goals)
     if sets_down and site.held[site.side].laden:
         level = arm_motion.plan_level(body, site.side, goals[0])
-        if level is None or not _free(site, body, base, option, 0, level[-1]):
+        if level is None or not free(site, body, base, option, 0, level[-1])[0]:
             return None
         key, q_key = 0, level[-1]
     postures: dict[int, Array] = {key: q_key}
     for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
         for k in order:
             line = arm_motion.trace(body.robot, body.torso, site.side, postures[k + 1 if k < key else k - 1], goals[k])
-            if line is None or not _free(site, body, base, option, k, line[-1]):
+            if line is None or not free(site, body, base, option, k, line[-1])[0]:
                 return None
             postures[k] = line[-1]
     if len(lane) > 1:
-        last = replace(body, held=_after(site, body, option)) if option.contact < len(goals) else body
+        last = replace(body, held=after(site, body, option)) if option.contact < len(goals) else body
         if not _leads(site, body, lane, postures[0], touched=True):
             return None
         if not _leads(site, last, lane, postures[len(goals) - 1], touched=option.load is None, slack=TOUCH_M):

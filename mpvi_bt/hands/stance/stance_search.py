@@ -17,7 +17,8 @@ from mpvi_bt.ground.robot.collision import Load
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.stance.base_search import KNOWN_M, WORK_PLACE, Alike, BaseSearch, SearchBudget, before, behind, first
 from mpvi_bt.hands.stance.detour import Detours
-from mpvi_bt.hands.stance.postures import TOUCH_M, stance_at
+from mpvi_bt.hands.stance.glance import TOUCH_M
+from mpvi_bt.hands.stance.postures import stance_at
 from mpvi_bt.hands.stance.stance import Option, Stance
 
 
