@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.collision import Body, Load, Obstacles
@@ -116,7 +118,7 @@ class Glance:
             there = rows[asked]
             waypoints = [ways[i][turn] for i in asked]
             goals = np.stack([self.goals[g][k] for g, k in zip(self.g[there], waypoints, strict=True)])
-            targets = matmul(np.stack([self.body(t).from_chest for t in self.t[there]]), goals)
+            targets = matmul(self._from_chest[self.t[there]], goals)
             found, q = self.site.motion.robot.nearest_postures(targets, self.site.side, self.q[there])
             out[asked[~found]] = False
             alike = defaultdict[tuple[int, bool, int], list[int]](list)  # by torso, and what is asked of it there
@@ -128,6 +130,11 @@ class Glance:
                 option = self.options[self.g[there[js[0]]]]
                 out[asked[js]] = free(self.site, self.body(t), self.base, option, waypoints[js[0]], q[js])
         return out
+
+    @cached_property
+    def _from_chest(self) -> Array:
+        """(m, 4, 4) T_chest_base of each torso."""
+        return kin.inverse(self.site.motion.robot.chest(self.torsos))
 
     def body(self, t: int) -> Body:
         """The robot with torso `t` where the arm takes its posture."""

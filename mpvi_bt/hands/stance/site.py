@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array, Solid, box
 from mpvi_bt.ground.robot import arm_motion
+from mpvi_bt.ground.robot.arm_motion import HandPath
 from mpvi_bt.ground.robot.collision import NOTHING, Body, Obstacles, Surroundings, Together
 from mpvi_bt.ground.robot.model import SIGN, RobotModel
 from mpvi_bt.ground.robot.motion import Motion
@@ -231,33 +232,44 @@ class Site:
         body = self.body(self.motion.torso, around, arms)
         if arm_motion.trunk_touching(body, torso, _MEANWHILE.more) is not None:  # whatever the hands do
             return None
-        now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
-        stays = {s: arm_motion.stay(T) for s, T in now.items()}
-        # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out, or on.
-        ways, on = [stays], []
-        if self.side in self.held:
-            ways.append({s: path for s, path in stays.items() if s != self.side})
-            for turn, off in itertools.product(_MEANWHILE.out_rad, np.array(_MEANWHILE.out_m)):
-                R = matmul(kin.rot_z(turn), now[self.side][:3, :3])
-                out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
-                ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
-            if first is not None and not self.held[self.side].laden:
-                on = [
-                    {**stays, self.side: arm_motion.glide(now[self.side], first, detour)}
-                    for detour in np.array(_MEANWHILE.on_m)
-                ]
-        for k, hands in enumerate(ways + on):
-            samples = _MEANWHILE.samples if k < 2 else _MEANWHILE.more
-            key: tuple[int | bytes, ...] = (k, torso.tobytes(), *(q.tobytes() for q in arms.values()))
-            if first is not None and k >= len(ways):
-                key += (first.tobytes(),)
+        posture = torso.tobytes(), *(q.tobytes() for q in arms.values())
+        for k, (samples, on, hands) in enumerate(self._meanwhile(body, arms, first)):
+            key: tuple[int | bytes, ...] = (k, *posture, on.tobytes() if on is not None else b"")
             if key not in self._swung:
-                self._swung[key] = arm_motion.swing(body, torso, hands, samples)
+                self._swung[key] = arm_motion.swing(body, torso, hands(), samples)
             level = self._swung[key]
             if level is not None and arm_motion.touching(body, torso, level, samples) is None:
                 after = {**arms, **{s: q[-1] for s, q in level.items()}}
                 return Standing(replace(body, torso=torso, arms=after), level)
         return None
+
+    def _meanwhile(
+        self, body: Body, arms: Mapping[Side, Array], first: Array | None
+    ) -> Iterator[tuple[int, Array | None, Callable[[], dict[Side, HandPath]]]]:
+        """Ways of the hands while the torso moves: samples, where the way leads on to, and what makes the paths.
+
+        Payloads keep their place, or ride along with the torso, or are brought out, or on.
+        """
+        now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
+        stays = {s: arm_motion.stay(T) for s, T in now.items()}
+        yield _MEANWHILE.samples, None, lambda: stays
+        if self.side not in self.held:
+            return
+        yield _MEANWHILE.samples, None, lambda: {s: path for s, path in stays.items() if s != self.side}
+        here = now[self.side]
+
+        def paths(T: Array, detour: Array | None = None) -> dict[Side, HandPath]:
+            return {**stays, self.side: arm_motion.glide(here, T, detour)}
+
+        def out(turn: float, off: Array) -> dict[Side, HandPath]:
+            R = matmul(kin.rot_z(turn), here[:3, :3])
+            return paths(kin.transform(R, here[:3, 3] + off * [1, SIGN[self.side], 1]))
+
+        for turn, off in itertools.product(_MEANWHILE.out_rad, np.array(_MEANWHILE.out_m)):
+            yield _MEANWHILE.more, None, partial(out, turn, off)
+        if first is not None and not self.held[self.side].laden:
+            for detour in np.array(_MEANWHILE.on_m):
+                yield _MEANWHILE.more, first, partial(paths, first, detour)
 
     @cached_property
     def _swung(self) -> dict[tuple[int | bytes, ...], dict[Side, list[Array]] | None]:
