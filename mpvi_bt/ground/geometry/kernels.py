@@ -108,20 +108,22 @@ def narrowed(low, high, left, right, one, two, at):  # type: ignore
 
 @compiled
 def sphere_centers(frames, chest, centers, link):  # type: ignore
-    """(n, m, 3) centers in the base frame of spheres (m, 3) in the frame of their link, and (n, 4, 4) T_base_tcp."""
+    """(n, m, 3) centers in the base frame of spheres (m, 3) in the frame of their link, and (n, 4, 4) T_base_tcp.
+
+    `chest` is T_base_chest of each posture, or of all of them: (n, 4, 4) or (1, 4, 4).
+    """
     n, m, parts = frames.shape[0], centers.shape[0], frames.shape[1]
     out, hands = np.empty((n, m, 3)), np.zeros((n, 4, 4))
     F = np.empty((parts, 3, 4))
     for k in range(n):
+        C = chest[min(k, chest.shape[0] - 1)]
         for f in range(parts):
             for i in range(3):
                 for j in range(4):
                     F[f, i, j] = (
-                        chest[i, 0] * frames[k, f, 0, j]
-                        + chest[i, 1] * frames[k, f, 1, j]
-                        + chest[i, 2] * frames[k, f, 2, j]
+                        C[i, 0] * frames[k, f, 0, j] + C[i, 1] * frames[k, f, 1, j] + C[i, 2] * frames[k, f, 2, j]
                     )
-                F[f, i, 3] += chest[i, 3]
+                F[f, i, 3] += C[i, 3]
         for i in range(3):
             copied(F[parts - 1, i], hands[k, i])
         hands[k, 3, 3] = 1.0

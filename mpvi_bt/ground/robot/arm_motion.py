@@ -221,12 +221,15 @@ def touching(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], sam
 
     They may not reduce a distance that is already small.
     """
-    before = {s: min(_CORNERS_M if s in body.held else 0.0, body.distance(s, q)) - 1e-6 for s, q in body.arms.items()}
-    for k, now in enumerate(_torsos(body.torso, torso, samples)[1:], 1):
-        moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in arms.items()}})
-        if any(moved.distance(s, q) <= before[s] for s, q in moved.arms.items()):
-            return moved
-    return None
+    torsos = _torsos(body.torso, torso, samples)
+    chests, met = body.robot.chest(torsos), np.zeros(samples, bool)
+    for side, still in body.arms.items():
+        gaps = body.distances(side, np.array(arms.get(side, [still] * (samples + 1))), chests)
+        met |= gaps[1:] <= min(_CORNERS_M if side in body.held else 0.0, gaps[0]) - 1e-6
+    if not met.any():
+        return None
+    k = 1 + int(met.argmax())
+    return replace(body, torso=torsos[k], arms={**body.arms, **{s: q[k] for s, q in arms.items()}})
 
 
 def _torsos(start: Array, end: Array, samples: int) -> Array:

@@ -191,6 +191,11 @@ class Body:
         p, _, radii, _ = self._arm_points(side, q, grasping)
         return float((self.around.distance(p) - radii).min())
 
+    def distances(self, side: Side, q: Array, chests: Array) -> Array:
+        """(n,) the same for postures q (n, 7), the torso moved to T_base_chest (n, 4, 4)."""
+        p, _, radii, _ = self._arm_points(side, q, False, chests)
+        return np.asarray((self.around.distance(p) - radii).min(1))
+
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
         p, hands, radii, own = self._arm_points(side, q, grasping)
@@ -251,8 +256,13 @@ class Body:
     def _rests(self) -> dict[tuple[Side, Load | None], _Rest]:
         return {}  # `_rest`, by arm and what it holds, once it is asked for
 
-    def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, Array, int]:
-        """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own."""
+    def _arm_points(
+        self, side: Side, q: Array, grasping: bool, chests: Array | None = None
+    ) -> tuple[Array, Array, Array, int]:
+        """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own.
+
+        `chests` (n, 4, 4) are the T_base_chest of the postures, where the torso moves, too.
+        """
         hull = self.robot.hull
         own = len(hull.radii) - (hull.fingers if grasping else 0)
         centers, radii, link = hull.centers[:own], hull.radii[:own], hull.frame[:own]
@@ -261,7 +271,9 @@ class Body:
             centers, radii = np.concatenate([centers, load.centers]), np.concatenate([radii, load.radii])
             link = np.concatenate([link, np.full(len(load.radii), hull.hand_frame)])
         q = np.ascontiguousarray(np.atleast_2d(q), float)
-        p, hands = kernels.sphere_centers(self.robot.arms[side].frames(q), self._chest, centers, link)
+        p, hands = kernels.sphere_centers(
+            self.robot.arms[side].frames(q), self._chest[None] if chests is None else chests, centers, link
+        )
         return p, hands, radii, own
 
 

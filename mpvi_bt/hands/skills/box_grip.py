@@ -236,20 +236,16 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
         torso = torsos[t]
         arms: dict[Side, list[Array]] = {}
         for side in SIDES:
-            for q in found[side][t][: _STANCES.postures]:
+            body = Body(robot, torso, {**robot.travel_arm, **{s: p[0] for s, p in arms.items()}}, {}, loose)
+            some = np.array(found[side][t][: _STANCES.postures])
+            for q in some[body.free(side, some, grasping=True)]:
                 line = arm_motion.trace(robot, torso, side, q, matmul(to_base, wide[side]))
-                if line is None:
-                    continue
-                path = [line[-1], q]
-                body = Body(robot, torso, {**robot.travel_arm, **{s: p[0] for s, p in arms.items()}}, {}, loose)
-                open_body = Body(robot, torso, body.arms, {}, all_around)
-                backed = Body(robot, torso, body.arms, {}, rear)
                 if (
-                    body.free(side, q, grasping=True)[0]
-                    and open_body.free(side, path[0], grasping=True)[0]
-                    and backed.free(side, path[0], margin=_STANCES.margin_m)[0]
+                    line is not None
+                    and body.amid(all_around).free(side, line[-1], grasping=True)[0]
+                    and body.amid(rear).free(side, line[-1], margin=_STANCES.margin_m)[0]
                 ):
-                    arms[side] = path
+                    arms[side] = [line[-1], q]
                     break
         bodies = [Body(robot, torso, {s: p[k] for s, p in arms.items()}, {}, loose) for k in range(2)]
         if len(arms) == 2 and all(

@@ -308,17 +308,16 @@ class CourseSearch(BaseSearch):
     def _goes_along(
         self, body: Body, base: Array, course: Course, q: Array, end: Array, poses: Sequence[tuple[float, Array]]
     ) -> bool:
-        for k, (x, T) in enumerate(poses):
-            torso = body.torso + (end - body.torso) * x
-            near = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), self.side, q)
-            if near is None or np.abs(near - q).max() > _COURSE.leap_rad or near[_ELBOW] > _COURSE.bent_rad:
+        torsos = body.torso + (end - body.torso) * np.array([[x] for x, _ in poses])
+        targets = matmul(kin.inverse(body.robot.chest(torsos)), np.stack([T for _, T in poses]))
+        arms = body.robot.postures_along(targets, self.side, q, _COURSE.leap_rad)
+        if arms is None or (arms[:, _ELBOW] > _COURSE.bent_rad).any():
+            return False
+        for (x, _), torso, arm in list(zip(poses, torsos, arms, strict=True))[:: _COURSE.between]:
+            around = self._then(course, x, base)
+            there = replace(body, torso=torso, around=around, arms={**body.arms, self.side: arm})
+            if not (there.free(self.side, arm, grasping=True)[0] and there.trunk_free() and self._idle_free(there)):
                 return False
-            q = near
-            if k % _COURSE.between == 0:
-                around = self._then(course, x, base)
-                there = replace(body, torso=torso, around=around, arms={**body.arms, self.side: q})
-                if not (there.free(self.side, q, grasping=True)[0] and there.trunk_free() and self._idle_free(there)):
-                    return False
         return True
 
     def _idle_free(self, body: Body) -> bool:
