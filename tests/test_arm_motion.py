@@ -201,12 +201,13 @@ def test_a_level_path_goes_over_a_post(side: Side) -> None:
 def test_a_glide_goes_from_pose_to_pose(u: float, detour: list[float]) -> None:
     """It starts and ends at its poses, passes the detour half-way, and each pose on it is rigid."""
     start, goal = np.eye(4), kin.transform(kin.rot_z(1.0), (0.3, 0.2, 0.1))
-    path = glide(start, goal, np.array(detour))
-    np.testing.assert_allclose(path(0.0), start, atol=1e-9)
-    np.testing.assert_allclose(path(1.0), goal, atol=1e-9)
-    np.testing.assert_allclose(path(0.5)[:3, 3], goal[:3, 3] / 2 + detour, atol=1e-9)
-    np.testing.assert_allclose(kin.inverse(path(u)) @ path(u), np.eye(4), atol=1e-9)
-    np.testing.assert_allclose(glide(start, goal)(u)[:3, 3], u * goal[:3, 3], atol=1e-9)
+    shares = np.array([0.0, 1.0, 0.5, u])
+    first, last, middle, some = glide(start, goal, np.array(detour))(shares)
+    np.testing.assert_allclose(first, start, atol=1e-9)
+    np.testing.assert_allclose(last, goal, atol=1e-9)
+    np.testing.assert_allclose(middle[:3, 3], goal[:3, 3] / 2 + detour, atol=1e-9)
+    np.testing.assert_allclose(kin.inverse(some) @ some, np.eye(4), atol=1e-9)
+    np.testing.assert_allclose(glide(start, goal)(shares)[3, :3, 3], u * goal[:3, 3], atol=1e-9)
 
 
 @settings(deadline=None, max_examples=30)
@@ -227,7 +228,7 @@ def test_a_sweep_keeps_hands_on_their_paths_and_arms_free(seed: int, side: Side)
     np.testing.assert_array_equal(arms[side][0], start)
     for u, q in zip(np.linspace(0, 1, len(arms[side])), arms[side], strict=True):
         now = TORSO[:3] + (torso - TORSO)[:3] * u
-        np.testing.assert_allclose(R1.tcp(now, q, side), path(float(u)), atol=1e-6)
+        np.testing.assert_allclose(R1.tcp(now, q, side), path(np.array([u]))[0], atol=1e-6)
         moved = Body(R1, now, {**r1.TRAVEL_ARM, side: q}, {}, Surroundings([POLE]))
         assert u == 0 or moved.all_free()
 

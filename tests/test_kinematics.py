@@ -11,6 +11,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.solids import Array, pose
 from mpvi_bt.ground.robot.arms import posture_distance
 from mpvi_bt.ground.robot.protocol import SIDES, Side
+from mpvi_bt.ground.robot.robots import model_named
 from mpvi_bt.hands.robots import r1
 from mpvi_bt.hands.robots.r1 import R1
 from tests.layouts import ACTION_SIZE, BASE, LAYOUT
@@ -104,6 +105,34 @@ def test_what_a_posture_reaches_is_found(seed: int, side: Side) -> None:
     elbows = R1.arm_frames(found, side)[:, 1, :3, 3]
     # One swivel in 72 is 5 degrees, so the elbow of the nearest is off by half of that.
     assert np.linalg.norm(elbows - R1.arm_frames(q, side)[1][:3, 3], axis=1).min() < r1.UPPER_ARM_M * np.deg2rad(3.0)
+
+
+@given(seeds, st.sampled_from(["r1", "r1pro", "fetch"]))
+def test_many_targets_at_once_are_as_one_by_one(seed: int, name: str) -> None:
+    """Postures of a batch are those of each target alone; along a line each starts from the one before."""
+    robot = model_named(name)
+    side = robot.sides[0]
+    low, high = robot.arms[side].limits.T
+    ends = np.random.default_rng(seed).uniform(low, high, (2, 7))
+    T = robot.arm(ends[0] + (ends[1] - ends[0]) * np.linspace(0, 1, 8)[:, None], side)
+    T[5] = T[5] @ kin.transform(np.eye(3), (0.0, 0.0, 0.05))  # off the line, and perhaps out of reach
+    near = np.broadcast_to(ends[0], (8, 7))
+    found, q = robot.nearest_postures(T, side, near)
+    for k in range(8):
+        alone = robot.nearest_posture(T[k], side, ends[0])
+        assert found[k] == (alone is not None)
+        if alone is not None:
+            np.testing.assert_array_equal(q[k], alone)
+    chain = [ends[0]]
+    for target in T:
+        after = robot.nearest_posture(target, side, chain[-1])
+        if after is None or np.abs(after - chain[-1]).max() > 0.5:
+            break
+        chain.append(after)
+    line = robot.postures_along(T, side, ends[0], 0.5)
+    assert (line is None) == (len(chain) <= len(T))
+    if line is not None:
+        np.testing.assert_array_equal(line, chain[1:])
 
 
 @given(seeds, sides)
