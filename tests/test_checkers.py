@@ -376,6 +376,24 @@ def test_the_robot_is_not_at_what_it_carries_or_does_not_see() -> None:
 # --------------------------------------------------------------------------------------------------- doubts
 
 
+def test_what_was_seen_in_place_counts_until_it_is_seen_elsewhere() -> None:
+    """Cans in two bins that no one picture shows are two; not where the first was taken out, or none is seen now."""
+    two, asked = {**PHRASES, "bin_2": ("trash can",)}, "two cans of soda are in trash cans"
+    first = head([FLOOR, *trash_can(), can(0.0, 0.0, 0.01)])
+    other_bin = [("bin_2", low, high) for _, low, high in trash_can()]
+    second = head([FLOOR, *other_bin, can(0.0, 0.0, 0.01, "can_2")])
+    taken_out, nothing = head([FLOOR, can(0.2, 0.2, 0.0)]), head([FLOOR, *other_bin])
+
+    def said(*pictures: CameraImage) -> Judgement:
+        checker = VisualChecker(two)
+        return [checker.check(asked, image) for image in pictures][-1]
+
+    assert said(first, second).complete
+    assert "1 before" in said(first, second).reason
+    for pictures in ([second], [first, first], [first, taken_out, second], [first, nothing]):
+        assert not said(*pictures).complete
+
+
 def test_what_it_cannot_see_or_parse_is_a_no_with_a_reason() -> None:
     """No picture, no labels, thing not in view, thing unknown, sentence not understood."""
     checker, empty = VisualChecker(PHRASES), head([FLOOR])

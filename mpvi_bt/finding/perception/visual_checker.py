@@ -1,8 +1,8 @@
-"""The visual checker: it judges a criterion from one labeled depth picture and nothing else."""
+"""The visual checker: it judges a criterion from a labeled depth picture and what earlier ones showed in place."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
-from mpvi_bt.executive.completion.criteria import UNARY, Criterion, named, parse
+from mpvi_bt.executive.completion.criteria import UNARY, Criterion, Relation, named, parse
 from mpvi_bt.finding.perception.between_fingers import hand_points
 from mpvi_bt.finding.perception.detector import SWITCH
 from mpvi_bt.ground.geometry.kinematics import inverse
@@ -24,6 +24,7 @@ from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.words.phrases import Vocabulary
 
 ROBOT = "robot"
+_STAYS: tuple[Relation, ...] = ("inside", "ontop")  # relations that last while nothing is taken away; our choice
 _TOUCHING_PX = 5  # of a hand where it touches a thing, or nearly so
 
 
@@ -57,6 +58,9 @@ class Eyesight:
 class VisualChecker:
     """Judges places and open parts from one picture's colors, depth and labels (implements `Checker`).
 
+    Where several things are counted, as in "two candles are in wicker baskets", a thing that this picture does not show
+    counts if the last picture that showed it showed it there. One of them at least has to be seen.
+
     The label image stands in for an open-vocabulary detector: no pose, contact or other simulator state is read. What
     it does not see or understand is a no, with the reason, as a false yes costs more than a false no (Paper,
     Completion Checker appendix).
@@ -84,6 +88,7 @@ class VisualChecker:
         """
         self._phrases = {name: tuple(called) for name, called in phrases.items()}
         self._eyesight, self._robot = eyesight or Eyesight(), robot or robot_named(DEFAULT_ROBOT)
+        self._placed: dict[str, tuple[Relation, str]] = {}  # where things were when they were last seen, if in place
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """Whether the picture shows that `criterion` is met."""
@@ -93,6 +98,9 @@ class VisualChecker:
         if image is None or image.labels is None:
             return Judgement(False, "no labeled picture to look at")
         picture = _SeenPicture(image, self._phrases, self._eyesight, self._robot)
+        for name in list(self._placed):
+            if not picture.shows_there(name, *self._placed[name]):
+                del self._placed[name]
         subjects = picture.meant(asked.subject) if asked.relation == "at" else picture.visible(asked.subject)
         if not subjects:
             return Judgement(False, f"no {asked.subject} in the picture")
@@ -105,17 +113,29 @@ class VisualChecker:
         objects = picture.visible(asked.object)
         if not objects:
             return Judgement(False, f"no {asked.object} in the picture")
-        looks = {"inside": picture.inside, "ontop": picture.ontop, "nextto": picture.nextto, "under": picture.under}
-        if (look := looks.get(asked.relation)) is None:
+        if (look := picture.look(asked.relation)) is None:
             return Judgement(False, f"no picture tells whether {asked.subject} is {asked.relation}")
-        return _judge(asked, [_best([look(s, o) for o in objects if o != s]) for s in subjects])
+        looks = {s: {o: look(s, o) for o in objects if o != s} for s in subjects}
+        before = self._seen_before(asked, subjects)
+        if asked.relation in _STAYS:
+            for name, there in looks.items():
+                self._placed.update((name, (asked.relation, o)) for o, judged in there.items() if judged.complete)
+        return _judge(asked, [_best(list(there.values())) for there in looks.values()], before)
+
+    def _seen_before(self, asked: Criterion, now: Iterable[str]) -> int:
+        """How many of the things asked for, but those seen now, were last seen where they are to be."""
+        places = {(asked.relation, name) for name in named(asked.object, self._phrases)}
+        others = set(named(asked.subject, self._phrases)) - set(now)
+        return sum(self._placed.get(name) in places for name in others)
 
 
-def _judge(asked: Criterion, looks: list[Judgement]) -> Judgement:
-    """Enough of the things, or the reason of one that is not."""
+def _judge(asked: Criterion, looks: list[Judgement], before: int = 0) -> Judgement:
+    """Enough of the things, or the reason of one that is not; `before`: how many more were seen so before."""
     so = [look for look in looks if look.complete]
-    if len(so) >= asked.count:
-        return so[0] if asked.count == 1 else Judgement(True, f"{len(so)} seen")
+    if so and len(so) + before >= asked.count:
+        if asked.count == 1:
+            return so[0]
+        return Judgement(True, f"{len(so)} seen" if len(so) >= asked.count else f"{len(so)} seen, {before} before")
     reason = next(look.reason for look in looks if not look.complete) if len(so) < len(looks) else "no more are visible"
     return Judgement(False, reason if asked.count == 1 else f"{len(so)} of {asked.count}: {reason}")
 
@@ -146,6 +166,23 @@ class _SeenPicture:
     def meant(self, phrase: str) -> list[str]:
         """As `visible`, of the things that a phrase means by any of its words: "the other shoe" is some shoe."""
         return list(filter(self._seen, Vocabulary(self._phrases).named(phrase)))
+
+    def look(self, relation: Relation) -> Callable[[str, str], Judgement] | None:
+        """What judges a relation of two things; None if no picture tells."""
+        looks: dict[Relation, Callable[[str, str], Judgement]] = {
+            "inside": self.inside,
+            "ontop": self.ontop,
+            "nextto": self.nextto,
+            "under": self.under,
+        }
+        return looks.get(relation)
+
+    def shows_there(self, name: str, relation: Relation, other: str) -> bool:
+        """Whether a thing is still in place, or the picture does not show it."""
+        if not self._seen(name):
+            return True
+        look = self.look(relation)
+        return look is not None and self._seen(other) and look(name, other).complete
 
     def alone(self, name: str, asked: Criterion) -> Judgement:
         """Whether a relation holds that takes one thing."""
