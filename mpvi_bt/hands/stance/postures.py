@@ -84,7 +84,9 @@ def stance_at(
         where = (int(t[row]), int(g[row]))
         torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
         checked += 1
-        if standing.get(where[0]) is None:
+        if where[0] not in standing:
+            standing[where[0]] = site.stood(torso, behind, arms)
+        if standing[where[0]] is None:
             standing[where[0]] = site.stood(torso, behind, arms, goals[where[1]][0])
         stood = standing[where[0]]
         if stood is None:

@@ -226,15 +226,15 @@ class Site:
             torso: (4,) where to.
             around: What is in the way, in the base frame.
             arms: Postures (7,) of the arms before.
-            first: T_base_tcp (4, 4) where the hand that works goes next: it may go there meanwhile, if what it holds is
-                not filled, as that may be on a slant.
+            first: T_base_tcp (4, 4) where the hand that works goes next, to be tried where all other ways fail: it goes
+                there meanwhile, if what it holds is not filled, as that may be on a slant. None: the other ways.
         """
         body = self.body(self.motion.torso, around, arms)
         if arm_motion.trunk_touching(body, torso, _MEANWHILE.more) is not None:  # whatever the hands do
             return None
-        posture = torso.tobytes(), *(q.tobytes() for q in arms.values())
-        for k, (samples, on, hands) in enumerate(self._meanwhile(body, arms, first)):
-            key: tuple[int | bytes, ...] = (k, *posture, on.tobytes() if on is not None else b"")
+        posture = torso.tobytes(), *(q.tobytes() for q in arms.values()), b"" if first is None else first.tobytes()
+        for k, (samples, hands) in enumerate(self._meanwhile(body, arms, first)):
+            key: tuple[int | bytes, ...] = (k, *posture)
             if key not in self._swung:
                 self._swung[key] = arm_motion.swing(body, torso, hands(), samples)
             level = self._swung[key]
@@ -245,17 +245,17 @@ class Site:
 
     def _meanwhile(
         self, body: Body, arms: Mapping[Side, Array], first: Array | None
-    ) -> Iterator[tuple[int, Array | None, Callable[[], dict[Side, HandPath]]]]:
-        """Ways of the hands while the torso moves: samples, where the way leads on to, and what makes the paths.
+    ) -> Iterator[tuple[int, Callable[[], dict[Side, HandPath]]]]:
+        """Ways of the hands while the torso moves: how many samples, and what makes the paths; see `stood`.
 
-        Payloads keep their place, or ride along with the torso, or are brought out, or on.
+        Payloads keep their place, or ride along with the torso, or are brought out; or on to `first`.
         """
         now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
         stays = {s: arm_motion.stay(T) for s, T in now.items()}
-        yield _MEANWHILE.samples, None, lambda: stays
-        if self.side not in self.held:
+        if first is None:
+            yield _MEANWHILE.samples, lambda: stays
+        if self.side not in self.held or (first is not None and self.held[self.side].laden):
             return
-        yield _MEANWHILE.samples, None, lambda: {s: path for s, path in stays.items() if s != self.side}
         here = now[self.side]
 
         def paths(T: Array, detour: Array | None = None) -> dict[Side, HandPath]:
@@ -265,11 +265,13 @@ class Site:
             R = matmul(kin.rot_z(turn), here[:3, :3])
             return paths(kin.transform(R, here[:3, 3] + off * [1, SIGN[self.side], 1]))
 
-        for turn, off in itertools.product(_MEANWHILE.out_rad, np.array(_MEANWHILE.out_m)):
-            yield _MEANWHILE.more, None, partial(out, turn, off)
-        if first is not None and not self.held[self.side].laden:
+        if first is not None:
             for detour in np.array(_MEANWHILE.on_m):
-                yield _MEANWHILE.more, first, partial(paths, first, detour)
+                yield _MEANWHILE.more, partial(paths, first, detour)
+            return
+        yield _MEANWHILE.samples, lambda: {s: path for s, path in stays.items() if s != self.side}
+        for turn, off in itertools.product(_MEANWHILE.out_rad, np.array(_MEANWHILE.out_m)):
+            yield _MEANWHILE.more, partial(out, turn, off)
 
     @cached_property
     def _swung(self) -> dict[tuple[int | bytes, ...], dict[Side, list[Array]] | None]:
