@@ -253,6 +253,17 @@ def test_unknown_deeds_pass_with_a_remark() -> None:
     assert [(p.code, p.severity, p.pointer) for p in problems] == [("not-rehearsed", "note", "/segments/1/description")]
 
 
+def test_words_that_no_skill_reads_are_noted_with_the_nearest_verb() -> None:
+    """Their criterion says what comes of them, and the rest is rehearsed; whose hands are ours is told of the slip."""
+    plan = plan_of("go to the fridge", "putt the bottle on the table")
+    slip = plan.segments[1].model_copy(update={"completion_criterion": "the bottle is on the table"})
+    (note,) = Rehearsal(SKILLS, replace(KITCHEN, unmet=lambda truth, noun: [])).problems(
+        plan.model_copy(update={"segments": (plan.segments[0], slip)})
+    )
+    assert (note.code, note.severity, note.pointer) == ("no-skill", "note", "/segments/1/description")
+    assert "Did you mean 'put" in note.message
+
+
 def test_a_skill_without_effects_ends_the_rehearsal() -> None:
     """What it does nobody knows; its criterion is not called impossible."""
     silent = SKILLS | {"press": SKILLS["press"].model_copy(update={"effects": SkillEffects()})}

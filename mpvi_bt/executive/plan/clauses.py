@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from mpvi_bt.executive.plan.pattern import LISTED
+from mpvi_bt.executive.plan.skill_phrases import example
 from mpvi_bt.executive.plan.skills import Skill, SkillCall
+from mpvi_bt.ground.errors import did_you_mean, nearest, shown
 from mpvi_bt.ground.words.phrases import MOST_CHARACTERS
 
 _ARTICLE = re.compile(r"(?:an?|the|its|your|my)\s+", re.IGNORECASE)
@@ -56,6 +58,19 @@ def match(description: str, skills: Mapping[str, Skill]) -> SkillCall | None:
     """
     parts = _parts(description, skills)
     return _call(parts[0], skills) if len(parts) == 1 else None
+
+
+def nameless(prompt: str, skills: Mapping[str, Skill]) -> Iterator[tuple[str, str | None, tuple[str, ...]]]:
+    """Clauses that name no skill, but what is filled in later ("$"): what to say, the phrase meant, and all phrases."""
+    examples = tuple(example(phrase) for skill in skills.values() for phrase in skill.phrases)
+    verbs = {" ".join(text.partition("{")[0].split()): text for text in examples}
+    for clause in clauses(prompt, skills):
+        if "$" in clause or match(clause, skills) is not None:
+            continue
+        words = clause.lower().split()
+        near = nearest(" ".join(words[:2]), verbs) or nearest(" ".join(words[:1]), verbs)
+        meant = verbs[near] if near else None
+        yield f"no skill is named by {shown(clause)}.{did_you_mean(meant, examples)}", meant, examples
 
 
 def _parts(prompt: str, skills: Mapping[str, Skill]) -> list[str]:

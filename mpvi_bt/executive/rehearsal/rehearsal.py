@@ -1,7 +1,7 @@
 """A plan is rehearsed: carried out on paper, segment by segment, by the needs and effects of its skills.
 
 A rehearsal tells what is impossible, what changes nothing, and what of the goal is not so at the end. What it does not
-know it lets pass: words that nothing is called, and deeds that no skill does.
+know it lets pass: words that nothing is called, and deeds that no skill does; the latter it notes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import partial
 from itertools import islice
 
 from mpvi_bt.executive.completion import criteria
-from mpvi_bt.executive.plan.clauses import clauses, match
+from mpvi_bt.executive.plan.clauses import clauses, match, nameless
 from mpvi_bt.executive.plan.history import History
 from mpvi_bt.executive.plan.schema import Navigation, Plan, Segment
 from mpvi_bt.executive.plan.skills import Skill
@@ -91,6 +91,10 @@ class Rehearsal:
                 for idle in self._carry_out(world, segment, criterion):
                     message = f"{_said(segment.description)} changes nothing: {idle}"
                     yield marks.problem((*at, "description"), "pointless", message, severity="warning")
+                for message, near, known in () if driven else nameless(segment.description, self._skills):
+                    yield marks.problem(
+                        (*at, "description"), "no-skill", message, severity="note", nearest=near, known=known
+                    )
                 if criterion is not None and world.so(criterion) is False:
                     still = "is no longer true" if before else "is not true"
                     message = f"{_said(segment.completion_criterion)} {still} after {_said(segment.description)}"

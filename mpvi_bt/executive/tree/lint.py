@@ -8,8 +8,7 @@ from typing import Any
 
 from mpvi_bt.executive.behaviors.parameters import duration_text, steps_of
 from mpvi_bt.executive.behaviors.references import names_in
-from mpvi_bt.executive.plan.clauses import clauses, match
-from mpvi_bt.executive.plan.skill_phrases import example
+from mpvi_bt.executive.plan.clauses import nameless
 from mpvi_bt.executive.plan.skills import Skill
 from mpvi_bt.executive.tree.outcomes import Outcomes, outcomes
 from mpvi_bt.executive.tree.spec import NodeSpec, TreeSpec
@@ -108,7 +107,6 @@ class _Linter:
 
     def __init__(self, spec: TreeSpec, skills: Mapping[str, Skill] | None, marks: SourceMarks) -> None:
         self.spec, self.skills, self.marks = spec, skills, marks
-        self.examples = [example(phrase) for skill in (skills or {}).values() for phrase in skill.phrases]
         self.known_ends: dict[int, Outcomes] = {}
         self.known_drivers: dict[int, bool] = {}
         self.locations = {place: at[:-1] for at, place in marks.keys.items()}
@@ -268,21 +266,10 @@ class _Linter:
             self.known_drivers[id(node)] = own or any(map(self.drives, node.children))
         return self.known_drivers[id(node)]
 
-    def meant(self, clause: str) -> str | None:
-        """The skill's phrase that begins most like a clause."""
-        verbs = {" ".join(text.partition("{")[0].split()): text for text in self.examples}
-        words = clause.lower().split()
-        near = nearest(" ".join(words[:2]), verbs) or nearest(" ".join(words[:1]), verbs)
-        return verbs[near] if near else None
-
     def prompt(self, node: NodeSpec) -> Iterator[Problem]:
-        if self.skills is None:
-            return
-        for clause in clauses(node.parameters.prompt, self.skills):  # type: ignore[attr-defined]
-            if "$" not in clause and match(clause, self.skills) is None:
-                near = self.meant(clause)
-                message = f"no skill is named by {shown(clause)}.{did_you_mean(near, self.examples)}"
-                yield self.problem(node, "prompt", "no-skill", message, nearest=near, known=tuple(self.examples))
+        if self.skills is not None:
+            for message, near, known in nameless(node.parameters.prompt, self.skills):  # type: ignore[attr-defined]
+                yield self.problem(node, "prompt", "no-skill", message, nearest=near, known=known)
 
 
 def _parameters(node: NodeSpec) -> dict[str, Any]:
