@@ -13,6 +13,7 @@ from mpvi_bt.finding.navigation.loaded import loaded_path
 from mpvi_bt.finding.navigation.pursuit import PathFollower
 from mpvi_bt.finding.navigation.traversability import Traversability, traversability
 from mpvi_bt.finding.perception.segmentation import SegmentationDetector
+from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.hands.robots import r1
@@ -94,6 +95,20 @@ def test_a_load_that_is_too_wide_for_the_doorway_has_no_way() -> None:
     assert loaded_path(grid, LOAD, start, goal) is not None
     assert loaded_path(grid, wide, start, goal) is None
     assert loaded_path(traversability(two_rooms(0.0), 0.33), LOAD, start, goal) is None
+
+
+def test_a_wide_load_turns_back_from_a_long_dead_end() -> None:
+    """Its base alone would go by a narrow door at the end of a long hall: the hall beside it is found none the less."""
+    occupied = np.zeros((70, 800), bool)  # 3.5 x 40 m
+    occupied[[0, -1]] = occupied[:, [0, -1]] = True
+    occupied[34, 40:760] = True
+    occupied[:34, 750] = True
+    occupied[10:26, 750] = False
+    halls = OccupancyMap(occupied, np.zeros(occupied.shape, np.int16), ("hall",), 0.05, np.zeros(2))
+    grid, wide = traversability(halls, 0.33), Footprint(0.33, np.array([[0.4, 0.0, 0.48]]))
+    path = loaded_path(grid, wide, np.array([1.0, 0.9, 0.0]), np.array([39.0, 0.9, 0.0]))
+    assert path is not None
+    assert (path[np.abs(path[:, 0] - 20.0) < 15.0][:, 1] > 1.7).all()
 
 
 def test_a_load_over_a_table_may_leave_it() -> None:

@@ -26,7 +26,7 @@ class LoadedCosts:
     cannot: float = 1e6  # cost of a step that a base without sideways motion cannot make; our choice
     oblique_rad: float = 0.45  # such a step is this far off the base's heading [rad]; our choice
     beside_m: float = 2.0  # width of the search around the way of the base's middle [m]; our choice
-    most: int = 200_000  # largest number of searched states; the search takes at most a third of a second; our choice
+    most: int = 1_000_000  # largest number of searched states, which take about a second; our choice
     clear_m: float = 0.02  # clearance of turning parts from obstacles [m]; path following is off by this; our choice
     roomy_m: float = 0.20  # clearance below which a load costs more [m]; our choice
     tight: float = 4.0  # cost factor of a load that touches; our choice
