@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.ground.geometry.solids import pose
+from mpvi_bt.finding.scene.hands import Held
+from mpvi_bt.ground.geometry.rays import interval
+from mpvi_bt.ground.geometry.solids import bounds, box, pose
+from mpvi_bt.ground.robot.collision import Load
 from mpvi_bt.ground.robot.motion import Motion
 from mpvi_bt.hands.motion.work import Work
+from mpvi_bt.hands.skills.aim import aims
 from mpvi_bt.hands.skills.wipe import strokes_over, wipe
 from mpvi_bt.house.sim.world import Placement
 from mpvi_bt.house.things.catalogue import load_catalogue
@@ -32,6 +37,7 @@ entries:
     mass_kg: 0.8
     friction: 0.8
 """
+ATOMIZER = box((0.0, 0.0, 0.1), (0.06, 0.06, 0.24))  # in its own frame: its top is 22 cm above its origin
 sizes = st.tuples(st.floats(0.02, 0.25), st.floats(0.02, 0.25))
 
 
@@ -78,3 +84,20 @@ def test_what_has_several_tops_is_wiped_on_all_of_them(tmp_path: Path) -> None:
         world.step()
         work.motion.felt = world.robot.proprioception()
     assert not world.covered("ladle", "dust.n.01")
+
+
+@given(st.floats(0.7, 2.5), st.floats(-np.pi, np.pi))
+def test_a_sprayer_is_aimed_with_its_top_level_with_the_target(tall_m: float, yaw: float) -> None:
+    """It sprays from there: it would spray over a plant that ends below it."""
+    plant, T_world_thing = box((2.0, 1.0, tall_m / 2), (0.3, 0.3, tall_m)), pose((0.0, 0.0, 0.9), yaw)
+    T_tcp_thing = pose((0.0, 0.02, 0.01), 0.3)
+    solids = (ATOMIZER.moved(T_tcp_thing),)
+    held = Held("atomizer", "left", T_tcp_thing, solids, Load(solids))
+    work = SimpleNamespace(scene=SimpleNamespace(solids=lambda name: [plant], pose=lambda name: T_world_thing))
+    ways = list(aims(work, held, "plant"))  # type: ignore[arg-type]
+    assert ways
+    for way in ways:
+        thing = way.waypoints[1] @ T_tcp_thing
+        _, highest = bounds([ATOMIZER.moved(thing)])
+        assert highest[2] < tall_m
+        assert interval(plant, np.append(thing[:2, 3], highest[2]), thing[:3, 0]) is not None

@@ -32,7 +32,7 @@ class Aiming:
 
     ahead_m: tuple[float, ...] = (0.3, 0.45)  # distances from the middle of the tool to the target [m]; our choice
     # heights of the tool above the floor, the most comfortable first [m]; our choice
-    heights_m: tuple[float, ...] = (0.9, 0.75, 1.05, 0.6, 1.2)
+    heights_m: tuple[float, ...] = (0.9, 0.75, 1.05, 0.6, 1.2, 0.45)
     height_cost: float = 0.1  # added cost of each next height; our choice
     ways: int = 16  # directions that a thing is aimed at from; our choice
     back_m: float = 0.05  # standoff of the hand before and after aiming [m]; our choice
@@ -65,7 +65,7 @@ def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
         with suppress(MotionFailure):  # where there is no room for both hands here, there may be at the target
             yield from _press(work, side, tool.name)
             on = work.scene.is_on(tool.name) is not False
-    stance, search = yield from approach(work, side, target, lambda: list(_aims(work, tool, target)), tried)
+    stance, search = yield from approach(work, side, target, lambda: list(aims(work, tool, target)), tried)
     try:
         yield from take_up(work, stance, search)
         yield from lines(work, side, stance, [1])
@@ -98,23 +98,28 @@ def _press(work: Work, side: Side, tool: str) -> Actions:
     yield from press_held(work, side, switch_options(work, tool), fold=False)
 
 
-def _aims(work: Work, held: Held, target: str) -> Iterator[Option]:
-    """Ways of the hand: the tool upright as it is held, its front towards the target, at some height and distance."""
+def aims(work: Work, held: Held, target: str) -> Iterator[Option]:
+    """Ways of the hand: the tool as it is held, its front towards the target, at some height and distance.
+
+    Our choice: its top, where bottles spray from, is level with some part of the target.
+    """
     solids = work.scene.solids(target)
     low, high = bounds(solids)
     middle, far = (low + high)[:2] / 2, float(np.ptp(np.stack([low, high]), axis=0)[:2].max()) + 1.0
-    R_now = work.scene.pose(held.name)[:3, :3]
+    now = work.scene.pose(held.name)
+    R_now = now[:3, :3]
     ahead_now = float(np.arctan2(R_now[1, 0], R_now[0, 0]))
     to_tcp = kin.inverse(held.T_tcp_thing)
-    for k, z in enumerate(h for h in _AIM.heights_m if low[2] < h < high[2]):
+    top_m = float(bounds(s.moved(matmul(now, to_tcp)) for s in held.solids)[1][2] - now[2, 3])
+    for k, z in enumerate(h for h in _AIM.heights_m if low[2] < h + top_m < high[2]):
         for angle in np.arange(_AIM.ways) * 2 * np.pi / _AIM.ways:
             way = np.array([np.cos(angle), np.sin(angle), 0.0])
-            start = np.append(middle, z) - far * way
+            start = np.append(middle, z + top_m) - far * way
             met = [span[0] for s in solids if (span := interval(s, start, way)) is not None]
             if not met:
                 continue
             R = matmul(kin.rot_z(angle - ahead_now), R_now)
             for off in _AIM.ahead_m:
-                T = matmul(kin.transform(R, start + (min(met) - off) * way), to_tcp)
+                T = matmul(kin.transform(R, start + (min(met) - off) * way - [0.0, 0.0, top_m]), to_tcp)
                 before = kin.transform(T[:3, :3], T[:3, 3] - _AIM.back_m * way)
                 yield Option(np.stack([before, T]), 2, _AIM.height_cost * k)
