@@ -364,7 +364,7 @@ def test_a_no_break_space_within_a_text_is_text() -> None:
 
 
 @pytest.mark.parametrize(
-    ("written", "metres"),
+    ("written", "meters"),
     [
         ("4 in", "0.1016"),
         ("'4\"'", "0.1016"),
@@ -374,15 +374,15 @@ def test_a_no_break_space_within_a_text_is_text() -> None:
         ("3 cm", "0.03"),
     ],
 )
-def test_a_length_with_a_unit_is_told_in_metres(written: str, metres: str) -> None:
-    """Fields of metres take plain numbers; what has no unit that we know gets no such hint."""
+def test_a_length_with_a_unit_is_told_in_meters(written: str, meters: str) -> None:
+    """Fields of meters take plain numbers; what has no unit that we know gets no such hint."""
     with pytest.raises(
-        FileProblems, match=f"should be a number, not .*; lengths are in metres, without a unit: {metres}"
+        FileProblems, match=f"should be a number, not .*; lengths are in meters, without a unit: {meters}"
     ):
         validate_data(*parse_marked(f"shape: ball\nradius_m: {written}\n", "ball.yaml"), Ball)
     with pytest.raises(FileProblems) as caught:
         validate_data(*parse_marked("shape: ball\nradius_m: wide\n", "ball.yaml"), Ball)
-    assert "metres" not in str(caught.value)
+    assert "meters" not in str(caught.value)
 
 
 class Knob(Record):

@@ -50,7 +50,7 @@ def block(size: tuple[float, float, float], at: tuple[float, float, float] = (0,
     color=st.tuples(*[st.integers(0, 255)] * 3),
 )
 def test_a_mesh_of_ours_reads_back_as_it_was_written(sizes: list[float], color: tuple[int, int, int]) -> None:
-    """Colors to the byte, corners to a hundredth of a millimetre."""
+    """Colors to the byte, corners to a hundredth of a millimeter."""
     rgb = (color[0] / 255, color[1] / 255, color[2] / 255)
     hulls = [CUBE * size + i for i, size in enumerate(sizes)]
     skin = Skin(rgb, CUBE, np.array([[0, 1, 2], [1, 2, 3]]))
@@ -67,7 +67,7 @@ def test_a_mesh_of_ours_reads_back_as_it_was_written(sizes: list[float], color: 
         np.testing.assert_array_equal(body.skin[0].triangles, skin.triangles)
 
 
-def test_a_glb_stands_upright_in_metres_and_in_its_colors(tmp_path: Path) -> None:
+def test_a_glb_stands_upright_in_meters_and_in_its_colors(tmp_path: Path) -> None:
     """Its y is up; its pieces keep where they are to one another; the middle is over the origin."""
     scene = trimesh.Scene(
         [block((20, 40, 10), color=[200, 30, 40, 255]), block((10, 10, 10), (0, 25, 0), [0, 0, 250, 255])]
@@ -121,7 +121,7 @@ def broken(folder: Path, what: str) -> Path:
         ("nan", "no finite numbers|cannot be read|flat"),
         ("flat", "is flat, or a line"),
         ("fine", "81920 triangles, more than 50000"),
-        ("huge", r"in millimetres: --scale 0.001 \(0.2 m\) or centimetres: --scale 0.01 \(2 m\)\?"),
+        ("huge", r"in millimeters: --scale 0.001 \(0.2 m\) or centimeters: --scale 0.01 \(2 m\)\?"),
     ],
 )
 def test_what_is_no_mesh_of_a_thing_is_refused(what: str, said: str, tmp_path: Path) -> None:
@@ -285,4 +285,4 @@ def test_a_unit_is_named_for_each_size_that_a_thing_may_have(tmp_path: Path) -> 
     with pytest.raises(UserError) as caught:
         import_mesh(tmp_path / "box.stl")
     named = re.findall(r"(\w+): --scale", str(caught.value))
-    assert named == ["millimetres", "centimetres", "inches"]
+    assert named == ["millimeters", "centimeters", "inches"]

@@ -103,7 +103,7 @@ def test_the_picture_shows_the_way_from_start_to_end() -> None:
         path_picture(two_rooms(), poses[:1], R1.base.outline),
     )
     early, late = (60, 5, 150), (245, 180, 50)
-    column = driven.shape[1] // 8  # a metre of the map
+    column = driven.shape[1] // 8  # a meter of the map
     way = driven[: -driven.shape[0] // 8]  # without the bar that explains the colors
     assert has(way[:, column : 3 * column], early, 60)
     assert has(way[:, 5 * column : 7 * column], late, 60)
@@ -144,11 +144,11 @@ def test_the_picture_of_a_search_shows_what_was_seen_and_found() -> None:
     search = MadeUpSearch(entries=[find("can", 6.0, 3.0)])
     search.frontier[20:60, 39] = True
     picture = path_picture(two_rooms(), poses, R1.base.outline, search=search)
-    metre = picture.shape[1] / 8
-    seen, unseen = (picture[round(metre) :, round(x * metre)].astype(int)[: round(2 * metre)] for x in (0.7, 3.0))
+    meter = picture.shape[1] / 8
+    seen, unseen = (picture[round(meter) :, round(x * meter)].astype(int)[: round(2 * meter)] for x in (0.7, 3.0))
     assert np.median(seen.sum(-1)) > np.median(unseen.sum(-1)) + 60
-    assert has(picture[:, round(1.8 * metre) : round(2.1 * metre)], colors.FRONTIER)
-    assert has(picture[: round(1.5 * metre), round(5.8 * metre) : round(6.2 * metre)], colors.FOUND)
+    assert has(picture[:, round(1.8 * meter) : round(2.1 * meter)], colors.FRONTIER)
+    assert has(picture[: round(1.5 * meter), round(5.8 * meter) : round(6.2 * meter)], colors.FOUND)
     without = path_picture(two_rooms(), poses, R1.base.outline)
     assert not has(without, colors.FRONTIER)
     assert not has(without, colors.FOUND)

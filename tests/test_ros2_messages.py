@@ -156,7 +156,7 @@ def test_a_rotation_that_is_none_is_refused() -> None:
 
 
 def test_pictures_are_read_in_every_encoding() -> None:
-    """Channels in their order, rows without their padding, millimetres as metres, nothing seen as 0."""
+    """Channels in their order, rows without their padding, millimeters as meters, nothing seen as 0."""
     rgb = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
     assert np.array_equal(color_of(image("rgb8", rgb, pad=5), "/c"), rgb)
     assert np.array_equal(color_of(image("bgr8", rgb[:, :, ::-1].copy()), "/c"), rgb)

@@ -24,7 +24,7 @@ from tests.navigation_maps import thing
 from tests.search_views import MadeUpSearch, box, find, look
 
 POSE = np.array([1.0, 2.0, 0.0])
-SCALE = 100  # pixels a metre of the pictures below; all of the map is shown
+SCALE = 100  # pixels a meter of the pictures below; all of the map is shown
 
 
 def draw(search: SearchView, **more: Any) -> Picture:
@@ -142,7 +142,7 @@ def test_there_is_a_picture_of_any_search(known: bool) -> None:
     assert MapPicture((31, 17)).draw(search, np.array([1e3, -1e3, 0.0]), R1.base.outline).shape == (17, 31, 3)
 
 
-def test_areas_are_told_in_square_metres() -> None:
+def test_areas_are_told_in_square_meters() -> None:
     """Of floor alone; where the map is built on the way nobody knows how much there is in all."""
     search = MadeUpSearch()
     seen, total = seen_m2(search)

@@ -374,7 +374,7 @@ def test_a_kind_that_does_not_exist_is_refused() -> None:
 
 
 def test_a_noisy_width_still_makes_a_grasp() -> None:
-    """Half a millimetre of sensor noise does not hide a steady hold."""
+    """Half a millimeter of sensor noise does not hide a steady hold."""
     hands = Hands()
     triggers = grips(hands, Thresholds(smoothing=0.1, still_m_s=0.005))
     rng = np.random.default_rng(0)

@@ -18,7 +18,7 @@ from tests.fake_episodes import fake_result
 
 @given(points=arrays.arrays(float, st.tuples(st.integers(1, 60), st.just(2)), elements=st.floats(-20, 20)))
 def test_no_point_is_far_from_the_thinned_way(points: Array) -> None:
-    """Every point is within the tolerance of a line between two corners, and rounding costs a centimetre at most."""
+    """Every point is within the tolerance of a line between two corners, and rounding costs a centimeter at most."""
     corners = np.array(thinned(points))
     lines = list(itertools.pairwise(corners)) or [(corners[0], corners[0])]
     nearest = np.min([_distances(points, a, b) for a, b in lines], axis=0)

@@ -287,7 +287,7 @@ def _problems(
             pass  # the validator's own words; or a part of a union that the file does not name
         else:
             message = f"{_words(kind, context, message)}, not {_given(kind, context, item['input'])}"
-            message += _in_metres(location, item["input"])
+            message += _in_meters(location, item["input"])
         code = "wrong-type" if kind in _SHAPES else _CODES.get(kind, "invalid-value")
         yield marks.problem(location, code, message, kind == "extra_forbidden", nearest=near, known=tuple(known))
 
@@ -313,15 +313,15 @@ _FORMS = {  # of patterns, in words
     f"^{IMPORT_PATH.pattern}$": "be an import path such as my_module:my_function",
 }
 _LENGTH = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(mm|cm|m|inches|inch|in|ft|feet|foot|"|')\s*""")
-_METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "foot": 0.3048, "'": 0.3048}  # else inches
+_METERS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "foot": 0.3048, "'": 0.3048}  # else inches
 
 
-def _in_metres(location: Location, value: Any) -> str:
-    """The length in metres for a value with a unit, in fields of metres; else ""."""
+def _in_meters(location: Location, value: Any) -> str:
+    """The length in meters for a value with a unit, in fields of meters; else ""."""
     field = next((part for part in reversed(location) if isinstance(part, str)), "")
     given = _LENGTH.fullmatch(value) if isinstance(value, str) and field.endswith("_m") else None
     return (
-        f"; lengths are in metres, without a unit: {float(given[1]) * _METRES.get(given[2], 0.0254):.4g}"
+        f"; lengths are in meters, without a unit: {float(given[1]) * _METERS.get(given[2], 0.0254):.4g}"
         if given
         else ""
     )

@@ -350,7 +350,7 @@ _SKILL = """\
 
 _OBJECT = """\
 # {about}
-# Lengths in metres: size_m is depth (x, front to back), width (y), height (z). What has a mass can be moved.
+# Lengths in meters: size_m is depth (x, front to back), width (y), height (z). What has a mass can be moved.
 """
 
 _MESH = """\
@@ -360,7 +360,7 @@ _MESH = """\
 """
 
 _HOUSE = """\
-# Two rooms side by side: x runs east, y north, metres. A fixture stands with the middle of its underside `at` [x, y];
+# Two rooms side by side: x runs east, y north, meters. A fixture stands with the middle of its underside `at` [x, y];
 # yaw_deg is where its front faces: 0 east, 90 north. What there is to put up: tasks/catalogues/objects.yaml.
 outside: "#efe6d6"
 doorways:

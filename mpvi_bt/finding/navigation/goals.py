@@ -52,7 +52,7 @@ class Goal:
 
     Attributes:
         pose: (3,) x, y [m], yaw [rad] in the world.
-        score: What the ranking goes by, lower is better; about metres of driving; inf where it cannot be reached.
+        score: What the ranking goes by, lower is better; about meters of driving; inf where it cannot be reached.
     """
 
     pose: Array

@@ -19,7 +19,7 @@ def interval(solid: Solid, start: Array, direction: Array) -> tuple[float, float
     Args:
         solid: Posed in the frame of the ray.
         start: (3,) [m].
-        direction: (3,) of length 1, so that t is in metres; t may be negative.
+        direction: (3,) of length 1, so that t is in meters; t may be negative.
     """
     R, p = solid.T[:3, :3], solid.T[:3, 3]
     s, d, h = matmul(R.T, start - p), matmul(R.T, direction), solid.half_m

@@ -58,7 +58,7 @@ def _generated(seed: int, rooms: Row, name: str, text: str) -> str:
                 pieces[room] = [piece for piece in pieces[room] if piece.entry not in size.without]
         if pieces is not None:
             like = "" if name == FAMILY else f" --like {name}"
-            about = f"Drawn by `mpvi new house --seed {seed}{like}`: x runs east, y north, metres."
+            about = f"Drawn by `mpvi new house --seed {seed}{like}`: x runs east, y north, meters."
             return house_text(about, floor, drawn, pieces, tints)
     raise BackendError(f"no house of the kind {name} could be drawn with seed {seed}")
 

@@ -66,7 +66,7 @@ class ImportedHouse:
 
     def text(self) -> str:
         """The file's text."""
-        about = f"From {self._source}, a house of ProcTHOR: x runs east, y north, metres."
+        about = f"From {self._source}, a house of ProcTHOR: x runs east, y north, meters."
         tints = _RoomTints(np.random.default_rng(0), self._base)
         pieces: Mapping[str, list[Furnishing]] = {name: floor.pieces for name, floor in self._floors.items()}
         return house_text(about, self._parts, self._openings.doors, pieces, tints)

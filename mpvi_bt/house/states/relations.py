@@ -1,6 +1,6 @@
 """Relations of things as they stand now, with the meaning that OmniGibson gives them (bddl's semantics table).
 
-Distances are in metres, in the world frame, z up. Rays see through things ("all hits"), as OmniGibson's do.
+Distances are in meters, in the world frame, z up. Rays see through things ("all hits"), as OmniGibson's do.
 """
 
 from __future__ import annotations

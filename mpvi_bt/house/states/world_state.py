@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class WorldState(Protocol):
-    """The physical state of named things (objects and fixtures), in the world frame, metres.
+    """The physical state of named things (objects and fixtures), in the world frame, meters.
 
     Names are those of the scene: movable objects carry their BDDL name ("ashcan.n.01_1"), fixtures the house's name
     ("countertop_1"), floors "floor_<room>"; the episode binds BDDL names to them.

@@ -23,7 +23,7 @@ _HEAD = """\
 # Families of shapes
 
 A thing of the [catalogue](../tasks/catalogues/objects.yaml) has the shape of a family, made from its parameters; what
-stands behind `=` may be left out. Lengths are in metres, colors are written `"#c8202c"`. Of sizes `[x, y, z]` x is the
+stands behind `=` may be left out. Lengths are in meters, colors are written `"#c8202c"`. Of sizes `[x, y, z]` x is the
 depth (front to back), y the width and z the height. What things of [your own](own_tasks.md) look like,
 `mpvi show NAME --out FILE.png` draws. This page is written by
 `mpvi show --page docs/families.md`.
@@ -37,11 +37,11 @@ _TAIL = """
     pip install -e '.[mesh]'   # in the clone: trimesh and coacd
     mpvi new object my_mug --mesh mug.glb --synset mug.n.04
 
-makes an entry of a GLB, OBJ, PLY or STL: upright, in metres, its middle over the origin, in up to a dozen colors,
+makes an entry of a GLB, OBJ, PLY or STL: upright, in meters, its middle over the origin, in up to a dozen colors,
 with convex parts for physics. Colors come from vertices, materials and textures, those of an MTL file or a URDF too:
 each triangle gets one. What is missing or not read is told. Convex parts are computed, or given: `--part FILE`, as
 often as there are any. What is convex already, or made of convex pieces, is taken as it is; coacd takes seconds where
-pieces are closed, and minutes where it has to close them first. `--scale 0.001` is for millimetres; `--up` says which
+pieces are closed, and minutes where it has to close them first. `--scale 0.001` is for millimeters; `--up` says which
 axis points up, where that is not y of GLB and OBJ, and z of PLY and STL. Of a URDF links that turn or shift against
 the first become bodies with joints, such as a lid.
 

@@ -1,4 +1,4 @@
-"""Meshes from elsewhere (GLB, OBJ, PLY, STL, URDF) made into files of ours: upright, in metres, with convex parts.
+"""Meshes from elsewhere (GLB, OBJ, PLY, STL, URDF) made into files of ours: upright, in meters, with convex parts.
 
 It is done once, when an entry of the catalogue is made, so that episodes need neither of the libraries that it takes.
 """
@@ -20,7 +20,7 @@ from mpvi_bt.house.things.mesh_parts import MESHES, ImportedMesh, convex_parts, 
 from mpvi_bt.house.things.mesh_urdf import read_urdf
 
 SUFFIXES = (*MESHES, ".urdf")
-_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254}
+_UNITS = {"millimeters": 0.001, "centimeters": 0.01, "inches": 0.0254}
 _SMALLEST_M, _LARGEST_M = 0.005, 4.0  # Our choice: what stands in a room; outside of it the unit was another
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # what glTF and most OBJ files are
 _UPRIGHT = (".ply", ".stl", ".urdf")  # of which z is up, mostly
@@ -38,7 +38,7 @@ def import_mesh(
     Args:
         file: What is seen; of a URDF, what collides too.
         parts: Files of its convex parts, in the same frame; none: they are computed.
-        scale: Metres of one unit of the files.
+        scale: Meters of one unit of the files.
         up: The axis that points up; None: as the format has it.
         most: Parts at most, where they are computed.
 
@@ -91,7 +91,7 @@ def _check(found: ImportedMesh, file: Path) -> None:
             f"{unit}: --scale {s:g} ({m:.3g} m)" for unit, (m, s) in sizes.items() if _SMALLEST_M <= m <= _LARGEST_M
         ]
         guess = f"is it in {' or '.join(units)}?" if units else "give --scale."
-        why = guess if largest > _LARGEST_M else "is its unit larger than a metre? Give --scale."
+        why = guess if largest > _LARGEST_M else "is its unit larger than a meter? Give --scale."
         raise UserError(f"{file}: would be {largest:.3g} m large; {why}")
     if (count := sum(len(body.hulls) for body in found.bodies.values())) > MAX_HULLS:
         raise UserError(f"{file}: has {count} convex parts, more than {MAX_HULLS}.")

@@ -189,7 +189,7 @@ def _shares(policy: Policy) -> dict[str, PolicyShare]:
 
 
 def _places(world: SimWorld) -> dict[str, list[float]]:
-    """Where each movable thing is, x and y in the world [m], to whole centimetres."""
+    """Where each movable thing is, x and y in the world [m], to whole centimeters."""
     return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
 
 

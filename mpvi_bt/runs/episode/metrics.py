@@ -28,8 +28,8 @@ DIRECTIONS: Mapping[str, str] = {
     "conditions_met": "0..1, higher is better; of the conditions as listed",
     "time.simulator_time": "seconds, lower is better",
     "time.normalized_time": "human / robot, higher is better",
-    "agent_distance": "metres in the world, lower is better",
-    "agent_distance_base_relative": "metres of the hands in the base frame, lower is better",
+    "agent_distance": "meters in the world, lower is better",
+    "agent_distance_base_relative": "meters of the hands in the base frame, lower is better",
     "normalized_agent_distance": "human / robot, higher is better",
 }
 

@@ -39,7 +39,7 @@ def thinned(points: Array, tolerance_m: float = TOLERANCE_M) -> list[list[float]
         tolerance_m: Greatest distance of a point that is left out.
 
     Returns:
-        Its corners, to whole centimetres, the first and the last point among them.
+        Its corners, to whole centimeters, the first and the last point among them.
     """
     if not len(points):
         return []

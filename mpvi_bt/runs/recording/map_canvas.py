@@ -136,7 +136,7 @@ class Canvas:
         self._labels.taken.append(mark)
 
     def finished(self, title: str, timed: bool) -> Picture:
-        """The picture with its title, a metre bar and the colors of time, shrunk to half."""
+        """The picture with its title, a meter bar and the colors of time, shrunk to half."""
         rows, columns = self._rgb.shape[:2]
         head, foot = round(52 * self._unit) if title else 0, round(46 * self._unit)
         framed = np.full((rows + head + foot, columns, 3), 255, np.uint8)
@@ -147,11 +147,11 @@ class Canvas:
             size *= min(1.0, (columns - 2 * left) / wide)
             self._write(framed, title, (left, round(34 * self._unit)), size, _INK)
         base, left = head + rows + foot // 2, round(14 * self._unit)
-        metre = round(self._scale / self._map.resolution_m)
-        self._cv.line(framed, (left, base), (left + metre, base), _INK, 4)
-        self._write(framed, "1 m", (left + metre + 12, base + round(7 * self._unit)), 0.8, _INK)
+        meter = round(self._scale / self._map.resolution_m)
+        self._cv.line(framed, (left, base), (left + meter, base), _INK, 4)
+        self._write(framed, "1 m", (left + meter + 12, base + round(7 * self._unit)), 0.8, _INK)
         if timed:
-            x0, length, half = left + metre + round(150 * self._unit), 3 * metre, round(7 * self._unit)
+            x0, length, half = left + meter + round(150 * self._unit), 3 * meter, round(7 * self._unit)
             framed[base - half : base + half, x0 : x0 + length] = _ramp(length, self._cv)[None, : columns - x0]
             self._write(framed, "start", (x0 - round(72 * self._unit), base + half), 0.8, _INK)
             self._write(framed, "end", (x0 + length + 12, base + half), 0.8, _INK)

@@ -21,7 +21,7 @@ Box = tuple[float, float, float, float]
 
 
 def house_symbol(house: House) -> str:
-    """A house as an SVG symbol in metres, y up, which every map of it uses: it is in a page once."""
+    """A house as an SVG symbol in meters, y up, which every map of it uses: it is in a page once."""
     parts = []
     for i, room in enumerate(house.rooms.values()):
         look = "outdoors" if room.outdoors else f"r{i % _PALE}"
