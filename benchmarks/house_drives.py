@@ -1,19 +1,23 @@
-"""Drives of a robot without dynamics to everything that stands in the house, one after the other.
+"""Drives of a robot without dynamics to everything that stands in a house, one after the other.
 
     python -m benchmarks.house_drives --robot r1pro
+    python -m benchmarks.house_drives --houses generated:111,generated:112
 
-On the prior map: to how many it gets, in which simulated and wall time, how deep its base was in anything at the worst;
+On the prior map, from where it has most free floor: to how many it gets, in which simulated and wall time, how deep its
+base was in anything at the worst;
 and why it does not get to the others.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
+import click
 import numpy as np
+from scipy import ndimage
 
+from mpvi_bt.apps.cli.argument_types import Houses
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase
 from mpvi_bt.finding.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.ground.geometry.solids import Array
@@ -22,12 +26,12 @@ from mpvi_bt.ground.robot.mobile_base import placed
 from mpvi_bt.ground.robot.model import RobotModel
 from mpvi_bt.ground.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.ground.robot.robots import ROBOTS, robot_named
-from mpvi_bt.house.layout.house import load_house
+from mpvi_bt.house.layout.house import House, load_house
 from mpvi_bt.house.layout.prior_map import knowledge, prior_map
+from mpvi_bt.runs.suite.suite_houses import suite_houses
 from mpvi_bt.testing.doubles import KinematicRobot
 
 _MOST_S = 200.0  # of one drive
-_START = np.array([5.0, 3.0, 0.0])
 
 
 class Driven(KinematicRobot):
@@ -50,17 +54,70 @@ class ToOne(KnownPlaceNavigator):
         return [self._knowledge().entries[trip.target]], None
 
 
-def main() -> None:
-    """Drive, and print a line for each target that was not reached, and the sum."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--robot", choices=list(ROBOTS), default="r1")
-    model = robot_named(parser.parse_args().robot)
-    house = load_house()
+@click.command()
+@click.option("--robot", type=click.Choice(list(ROBOTS)), default="r1", show_default=True)
+@click.option(
+    "--houses",
+    type=Houses(),
+    default="family_house",
+    show_default=True,
+    help="How many are drawn, or which, joined by commas.",
+)
+def main(robot: str, houses: int | tuple[str, ...]) -> None:
+    """Drive, and print a line for each target that was not reached, one a house, and the sum."""
+    model, total = robot_named(robot), Sum()
+    for name in suite_houses(houses):
+        came = drives(model, load_house(name))
+        total.add(came)
+        click.echo(f"{name}: {came}")
+        for line in came.failures:
+            click.echo(f"  {line}")
+    click.echo(f"{model.name}: {total}")
+
+
+@dataclass
+class Sum:
+    """What came of drives.
+
+    Attributes:
+        reached, tried: How many.
+        simulated_s, wall_s: Of all.
+        deepest_m: The deepest that the middle of a taken cell was within the base.
+        failures: A line each.
+    """
+
+    reached: int = 0
+    tried: int = 0
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+    deepest_m: float = 0.0
+    failures: list[str] = field(default_factory=list)
+
+    def add(self, other: Sum) -> None:
+        """With those of another house."""
+        self.reached += other.reached
+        self.tried += other.tried
+        self.simulated_s += other.simulated_s
+        self.wall_s += other.wall_s
+        self.deepest_m = max(self.deepest_m, other.deepest_m)
+        self.failures += other.failures
+
+    def __str__(self) -> str:
+        return (
+            f"{self.reached} of {self.tried} reached in {self.simulated_s:.0f} s simulated, {self.wall_s:.0f} s wall; "
+            f"its base at most {self.deepest_m * 100:.1f} cm in cells that are taken"
+        )
+
+
+def drives(model: RobotModel, house: House) -> Sum:
+    """To every fixture of a house, one after the other."""
     grid_map, known = prior_map(house), KnowledgeBase({entry.name: entry for entry in knowledge(house)})
     taken = (np.argwhere(grid_map.occupied)[:, ::-1] + 0.5) * grid_map.resolution_m + grid_map.origin_m
-    names = [entry.name for entry in known if entry.kind == "fixture"]
-    robot, began, reached, steps, deepest = Driven(model, _START), time.perf_counter(), 0, 0, 0.0
-    for name in names:
+    clearance = ndimage.distance_transform_edt(~grid_map.occupied & (grid_map.rooms >= 0))
+    freest = np.unravel_index(np.argmax(clearance), clearance.shape)
+    robot = Driven(model, np.array([*grid_map.center(int(freest[0]), int(freest[1])), 0.0]))
+    came, began = Sum(), time.perf_counter()
+    for name in (entry.name for entry in known if entry.kind == "fixture"):
         navigator = ToOne(robot, grid_map, known)
         navigator.start(name, None)
         for k in range(round(_MOST_S * CONTROL_HZ)):
@@ -68,17 +125,15 @@ def main() -> None:
             if report.progress is not Progress.RUNNING:
                 break
             robot.advance(robot.action)
-            steps += 1
+            came.simulated_s += 1 / CONTROL_HZ
             if k % 10 == 0:
-                deepest = max(deepest, _depth(model, robot.proprioception().base_pose, taken))
-        if report.progress is Progress.SUCCEEDED:
-            reached += 1
-        else:
-            print(f"{name}: {report.reason or 'too long'}")
-    print(
-        f"{model.name}: {reached} of {len(names)} reached in {steps / CONTROL_HZ:.0f} s simulated, "
-        f"{time.perf_counter() - began:.0f} s wall; its base at most {deepest * 100:.1f} cm in cells that are taken"
-    )
+                came.deepest_m = max(came.deepest_m, _depth(model, robot.proprioception().base_pose, taken))
+        came.tried += 1
+        came.reached += report.progress is Progress.SUCCEEDED
+        if report.progress is not Progress.SUCCEEDED:
+            came.failures.append(f"{name}: {report.reason or 'too long'}: {report.feedback}")
+    came.wall_s = time.perf_counter() - began
+    return came
 
 
 def _depth(model: RobotModel, pose: Array, taken: Array) -> float:

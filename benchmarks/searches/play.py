@@ -37,11 +37,13 @@ class Job:
         seed: Of the scene.
         map: "prior" or "online".
         detector: As on the command line.
+        house: Its name.
     """
 
     seed: int
     map: str = "prior"
     detector: str = "segmentation"
+    house: str = "family_house"
 
 
 @dataclass(frozen=True)
@@ -84,14 +86,14 @@ class Row:
 
 
 @cache
-def _place() -> tuple[House, Catalogue, OccupancyMap]:
-    house = load_house()
+def _place(name: str) -> tuple[House, Catalogue, OccupancyMap]:
+    house = load_house(name)
     return house, load_catalogue(), prior_map(house)
 
 
 def play(job: Job) -> Row:
     """Play one search."""
-    house, catalogue, grid = _place()
+    house, catalogue, grid = _place(job.house)
     scene = draw(job.seed, house, catalogue, grid)
     world = SimWorld(house, scene.objects, scene.base_pose)
     world.settle()

@@ -52,3 +52,13 @@ def test_the_table_counts_what_was_found() -> None:
     assert records["all"]["median_spl"] == 0.5
     assert records["all"]["pictures_a_second"] == pytest.approx(10.0)
     assert "2: book in hall on floor: SPL 0.00" in text(rows, worst=1)
+
+
+def test_drawn_houses_have_rows_of_their_own() -> None:
+    """All of them one, beside the family house."""
+    rows = [
+        Row(Job(k, house=house), "book", "hall", "floor", False, True, "", "", 10.0, 5.0, 60.0, 100, 0.0, "", {})
+        for k, house in enumerate(("family_house", "generated:1", "generated:2"))
+    ]
+    assert {r["houses"]: r["n"] for r in table(rows, worst=1)} == {"family_house": 1, "drawn": 2}
+    assert "1: book in hall of generated:1 on floor" in text(rows, worst=1)
