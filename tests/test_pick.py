@@ -149,7 +149,7 @@ def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest
         if reasons:
             raise MotionFailure(reasons.pop(0))
 
-    def nowhere(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
+    def nowhere(work: Work, place: Array, been: list[Array]) -> Generator[Array, None, bool]:
         yield from ()
         return False
 

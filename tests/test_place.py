@@ -217,8 +217,8 @@ def test_what_cannot_be_set_down_from_here_is_set_down_from_elsewhere(
         yield from ()
         raise MotionFailure("no_stance" if len(tried) < tries else "there")
 
-    def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
-        around.append(name)
+    def go_around(work: Work, place: Array, been: list[Array]) -> Generator[Array, None, bool]:
+        around.append(place.tolist())
         yield from ()
         return True
 
@@ -227,12 +227,13 @@ def test_what_cannot_be_set_down_from_here_is_set_down_from_elsewhere(
     monkeypatch.setattr(placing, "_options", lambda *args: [None])
     motion = SimpleNamespace(felt=SimpleNamespace(gripper_width={"left": 0.05}), robot=R1)
     said = SimpleNamespace(load=lambda side: SimpleNamespace(name="jar"), motion=motion)
+    said.middle = lambda name: np.array({"sofa": (1.0, 2.0, 0.4)}[name])
     said.no_free_spot = lambda payload, place: MotionFailure("no_free_spot", f"{payload}, {place}")
     work = cast("Work", said)
     groups = [[placing.Pose(np.eye(4), 0.0)]] * poses
     with pytest.raises(MotionFailure, match=reason):
         list(placing.place_at(work, "left", about, lambda held: groups, []))
-    assert around == ["sofa"] * went
+    assert around == [[1.0, 2.0]] * went
 
 
 @pytest.mark.parametrize(("filled_m", "low", "raised"), [(0.0, True, True), (0.1, False, True), (0.13, False, False)])

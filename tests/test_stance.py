@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Generator
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
 
@@ -18,6 +20,7 @@ from mpvi_bt.ground.geometry.solids import Array, Solid, box
 from mpvi_bt.ground.robot.collision import Body, Load, Surroundings
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import SIDES, Proprioception, Side, other
+from mpvi_bt.hands.motion import approach as motions
 from mpvi_bt.hands.motion.approach import approach, go_around
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots import r1
@@ -495,10 +498,45 @@ def test_what_opens_of_a_thing_is_in_the_way_of_going_around_it(monkeypatch: pyt
 
     monkeypatch.setattr(around.motion, "drive", drive)
     monkeypatch.setattr(around, "near", lambda without: Surroundings([] if "can" in without else leaves))
-    list(go_around(around, "can", []))
+    list(go_around(around, around.middle("can")[:2], []))
     search = replace(around.search("right", ()), obstacles=Surroundings(leaves))
     assert len(went) > 1
     assert all(search.drivable(a, b) for a, b in pairwise(went))
+
+
+@pytest.mark.parametrize(
+    ("failures", "ways", "tries", "fails"),
+    [
+        ([], 0, 1, None),
+        (["no_stance"], 1, 2, None),
+        (["no_stance"] * 2, 2, 3, None),
+        (["no_stance"] * 9, 9, 3, "no_stance"),
+        (["no_stance"] * 9, 1, 2, "no_stance"),
+        (["no_stance", "slipped"], 9, 2, "slipped"),
+    ],
+)
+def test_what_has_no_stance_is_tried_again_from_beyond_what_is_in_the_way(
+    monkeypatch: pytest.MonkeyPatch, failures: list[str], ways: int, tries: int, fails: str | None
+) -> None:
+    """Twice, as long as there is a way around; what fails for another reason is not tried again."""
+    around, reasons, tried, went = work(small_world({})), list(failures), [0], list[list[float]]()
+
+    def attempt() -> Generator[Array, None, None]:
+        tried[0] += 1
+        yield from ()
+        if reasons:
+            raise MotionFailure(reasons.pop(0))
+
+    def around_it(work: Work, place: Array, been: list[Array]) -> Generator[Array, None, bool]:
+        went.append(place.tolist())
+        yield from ()
+        return len(went) <= ways
+
+    monkeypatch.setattr(motions, "go_around", around_it)
+    with nullcontext() if fails is None else pytest.raises(MotionFailure, match=fails):
+        list(motions.going_around(around, np.array([1.0, 2.0, 0.4]), attempt))
+    assert tried[0] == tries
+    assert all(place == [1.0, 2.0] for place in went)
 
 
 def walls(open_m: float) -> list[Solid]:

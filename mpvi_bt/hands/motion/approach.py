@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.stance.stance import Option, Stance
 from mpvi_bt.hands.stance.stance_search import Search
 
+_Found = TypeVar("_Found")
 LEGS = 2  # our choice: drives around what is out of reach
 
 
@@ -123,24 +125,48 @@ def close_in(
     return stance, search
 
 
-def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
-    """Drive around what stands before a thing, or on to where more about it is known; whether there was such a place.
+def go_around(work: Work, place: Array, been: list[Array]) -> Generator[Array, None, bool]:
+    """Drive around what stands before a place, or on to where more about it is known; whether there was such a way.
 
     What lies on the far side of a table is out of reach from the near one, what stands in a car's trunk from beside it.
 
     Args:
         work: Robot and world.
-        name: The thing.
+        place: (2,) in the world.
         been: Base poses (3,) from where it was out of reach; this one is added.
 
     Raises:
         MotionFailure: A drive's own reason.
     """
-    way = work.search("right", ()).go_around(work.middle(name)[:2], been)
+    way = work.search("right", ()).go_around(place, been)
     been.append(work.motion.felt.base_pose.copy())
     for base in way or ():
         yield from work.motion.drive(base)
     return way is not None
+
+
+def going_around(
+    work: Work, about: str | Array, attempt: Callable[[], Generator[Array, None, _Found]]
+) -> Generator[Array, None, _Found]:
+    """An attempt; where there is no stance for it, others after drives around what stands before what it is about.
+
+    Args:
+        work: Robot and world.
+        about: A thing, or a place (3,) in the world.
+        attempt: What is done.
+
+    Raises:
+        MotionFailure: As the last attempt, or a drive's own reason.
+    """
+    been: list[Array] = []
+    for _ in range(LEGS):
+        try:
+            return (yield from attempt())
+        except MotionFailure as failure:
+            place = work.middle(about) if isinstance(about, str) else about
+            if failure.reason != "no_stance" or not (yield from go_around(work, place[:2], been)):
+                raise
+    return (yield from attempt())
 
 
 def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:

@@ -16,7 +16,7 @@ from mpvi_bt.ground.geometry.solids import Array, bounds
 from mpvi_bt.ground.robot import arm_motion
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.hands.motion.approach import approach, leave, lines, take_up, withdraw
+from mpvi_bt.hands.motion.approach import approach, going_around, leave, lines, take_up, withdraw
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import Words, Work
@@ -65,7 +65,9 @@ def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
         with suppress(MotionFailure):  # where there is no room for both hands here, there may be at the target
             yield from _press(work, side, tool.name)
             on = work.scene.is_on(tool.name) is not False
-    stance, search = yield from approach(work, side, target, lambda: list(aims(work, tool, target)), tried)
+    stance, search = yield from going_around(
+        work, target, lambda: approach(work, side, target, lambda: list(aims(work, tool, target)), tried)
+    )
     try:
         yield from take_up(work, stance, search)
         yield from lines(work, side, stance, [1])

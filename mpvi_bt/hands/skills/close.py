@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.approach import going_around
 from mpvi_bt.hands.motion.door_views import seen_twice, stand_before, stand_before_front
 from mpvi_bt.hands.motion.follow import FOLLOW, go_along, resistance, take_up, touch
 from mpvi_bt.hands.motion.viewpoints import look_from_aside, look_over
@@ -83,7 +85,9 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
                 return
             continue
         work.ajar[thing] = matmul(moved(ajar[0], -ajar[0].position)[:3, :3], outward(ajar[0]))
-        felt = yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
+        felt = yield from going_around(
+            work, _edge(ajar[0]), partial(_shut, work, thing, ajar[0], tried, words.get("hand"))
+        )
         yield from look_over(work, thing)
         left = [d for d in work.scene.doors(thing) if not is_closed(d)]
         # A gap as wide as a finger does not show; a hand that has felt a door stop where it has to be knows better.

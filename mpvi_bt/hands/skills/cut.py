@@ -14,7 +14,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, bounds
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.hands.motion.approach import FEEL, close_in, leave, lines, take_up, withdraw
+from mpvi_bt.hands.motion.approach import FEEL, close_in, going_around, leave, lines, take_up, withdraw
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.gaze import study
 from mpvi_bt.hands.motion.work import Words, Work
@@ -92,7 +92,7 @@ def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
     search = work.search(side, beside)
     stance = find(search, True)
     if stance is None:
-        stance, search = yield from close_in(work, side, beside, name, find, tried)
+        stance, search = yield from going_around(work, name, lambda: close_in(work, side, beside, name, find, tried))
     try:
         yield from take_up(work, stance, search)
         T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])

@@ -14,7 +14,7 @@ from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
-from mpvi_bt.hands.motion.approach import FEEL, approach, leave, lines, take_up, withdraw
+from mpvi_bt.hands.motion.approach import FEEL, approach, going_around, leave, lines, take_up, withdraw
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import Words, Work
@@ -46,7 +46,9 @@ def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from look_at(work, target)
     if not any(True for _ in _options(work, held, target)):
         raise MotionFailure("no_mount")
-    stance, search = yield from approach(work, side, target, lambda: list(_options(work, held, target)), tried)
+    stance, search = yield from going_around(
+        work, target, lambda: approach(work, side, target, lambda: list(_options(work, held, target)), tried)
+    )
     try:
         yield from take_up(work, stance, search)
         yield from work.motion.wait(FEEL.calm_s)

@@ -98,7 +98,7 @@ def pick(work: Work, words: Words, tried: list[Array], take: Take | None = None)
                 finally:  # who is told that it is in hand hears the next prompt while it is still being brought
                     if work.scene.holding(side) == name:
                         work.meant[said] = name
-        if beyond is None or leg == LEGS or not (yield from go_around(work, beyond, been)):
+        if beyond is None or leg == LEGS or not (yield from go_around(work, work.middle(beyond)[:2], been)):
             raise failed
 
 

@@ -210,7 +210,7 @@ def place_at(
                 raise
             if not seen:
                 raise work.no_free_spot(held.name, about) from None
-            if about is None or leg == LEGS or not (yield from go_around(work, about, been)):
+            if about is None or leg == LEGS or not (yield from go_around(work, work.middle(about)[:2], been)):
                 raise
     try:
         yield from take_up(work, stance, search)

@@ -18,7 +18,7 @@ from mpvi_bt.ground.robot.collision import Body
 from mpvi_bt.ground.robot.model import SIGN, RobotModel
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import SIDES, Side
-from mpvi_bt.hands.motion.approach import close_in
+from mpvi_bt.hands.motion.approach import close_in, going_around
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import Words, Work
@@ -108,7 +108,7 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
                 options = [o for o in options if matmul(o.waypoints[0][:3, 0], turned) < _LEVEL.alike]
         return last
 
-    stance, search = yield from close_in(work, side, {target}, target, find, tried)
+    stance, search = yield from going_around(work, target, lambda: close_in(work, side, {target}, target, find, tried))
     for base in stance.route:
         yield from work.motion.drive(base)
     if search.other is not None and len(stance.aside) > 1:

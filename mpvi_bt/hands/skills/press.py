@@ -12,7 +12,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import SIDES, Side
-from mpvi_bt.hands.motion.approach import FEEL, approach, arrive, leave, lines, withdraw
+from mpvi_bt.hands.motion.approach import FEEL, approach, arrive, going_around, leave, lines, withdraw
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.gaze import study
 from mpvi_bt.hands.motion.work import Words, Work
@@ -82,7 +82,9 @@ def _thing(work: Work, phrase: str) -> str:
 def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion = work.motion
     yield from motion.grip(side, -1.0, GRIP.empty_s)
-    stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
+    stance, search = yield from going_around(
+        work, name, lambda: approach(work, side, name, lambda: options(work, name), tried)
+    )
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from _push_in(work, side, stance)
