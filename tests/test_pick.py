@@ -248,3 +248,13 @@ def test_the_other_one_is_not_the_one_that_was_taken_before(monkeypatch: pytest.
         next(actions)
         actions.close()
     assert taken == ["near", "far", "near", "near"]
+
+
+def test_slanted_ways_to_take_a_thing_leave_room_over_it() -> None:
+    """Those of all ways whose hand comes from a side."""
+    world = small_world({"can": placed("can_of_soda", 0.8, 0.0)})
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    ways, slanted = picking.options(task, "can"), picking.slanted_options(task, "can")
+    tilts = [np.arccos(-option.waypoints[option.contact][2, 2]) for option in slanted]
+    assert 0 < len(slanted) < len(ways)
+    assert min(tilts) >= 0.8

@@ -507,3 +507,45 @@ def test_what_an_arm_hides_half_of_is_where_it_was_set_down(
     work = cast("Work", SimpleNamespace(load=lambda side: bottle, see=nothing, scene=scene))
     with pytest.raises(MotionFailure, match="missed") if missed else nullcontext():
         list(place.set_on_floor(work, "left", []))
+
+
+@pytest.mark.parametrize(
+    ("down", "reasons", "taken", "calls", "fails"),
+    [
+        (-1.0, [], True, ["put"], None),
+        (-1.0, ["no_stance"], True, ["put", "take", "put"], None),
+        (-1.0, ["no_free_spot", "no_stance"], True, ["put", "take", "put"], "no_stance"),
+        (-1.0, ["no_stance"], False, ["put", "take"], "no_stance"),
+        (-0.3, ["no_stance"], True, ["put"], "no_stance"),
+        (-1.0, ["slipped"], True, ["put"], "slipped"),
+    ],
+)
+def test_what_was_taken_from_above_is_taken_from_a_side_where_a_container_is_too_low(
+    monkeypatch: pytest.MonkeyPatch, down: float, reasons: list[str], taken: bool, calls: list[str], fails: str | None
+) -> None:
+    """Once, and only where the hand that points down is what may have no room."""
+    left, made = list(reasons), list[str]()
+
+    def put(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
+        made.append("put")
+        yield from ()
+        if left:
+            raise MotionFailure(left.pop(0))
+        return True
+
+    def take(work: Work, side: Side, name: str, container: str) -> Generator[Array, None, bool]:
+        made.append("take")
+        yield from ()
+        return taken
+
+    monkeypatch.setattr(place, "_put_in", put)
+    monkeypatch.setattr(place, "_taken_from_a_side", take)
+    way = np.array([np.sqrt(1 - down**2), 0.0, down])
+    hand = kin.transform(kin.hand_rotation(way, np.array([0.0, 1.0, 0.0])), np.zeros(3))
+    said = SimpleNamespace(
+        hand_with=lambda phrase, wanted: "left", same=lambda phrase, ajar: "microwave",
+        load=lambda side: SimpleNamespace(name="bag"), hand=lambda side: hand,
+    )  # fmt: skip
+    with nullcontext() if fails is None else pytest.raises(MotionFailure, match=fails):
+        list(place.place_in(cast("Work", said), {"object": "bag", "container": "microwave"}, []))
+    assert made == calls

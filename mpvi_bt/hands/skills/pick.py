@@ -48,6 +48,7 @@ class Lifting:
 _LIFT = Lifting()
 
 
+Ways = Callable[[Work, str], list[Option]]  # to take hold of a thing
 Take = Callable[[Work, str, Side, list[Array]], Actions]  # what a hand does with a thing, as `pick_up`
 
 
@@ -107,7 +108,7 @@ def _near(work: Work, name: str) -> bool:
     return bool(norm(work.middle(name)[:2] - work.motion.felt.base_pose[:2]) < NEAR_M)
 
 
-def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+def pick_up(work: Work, name: str, side: Side, tried: list[Array], ways: Ways | None = None) -> Actions:
     """Pick up a thing with one hand.
 
     Args:
@@ -115,18 +116,20 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         name: The thing.
         side: The hand.
         tried: Base poses that did not do; the one taken is added.
+        ways: How it may be taken; None: `options`.
 
     Raises:
         MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", "dropped", or a motion's own reason.
     """
+    ways = ways or options
     yield from work.motion.grip(side, 1.0, GRIP.ready_s)
     try:
-        found = yield from approach(work, side, name, lambda: options(work, name), tried)
+        found = yield from approach(work, side, name, lambda: ways(work, name), tried)
     except MotionFailure as failure:
         if failure.reason != "no_stance":
             raise
         yield from draw_out(work, name, side)
-        found = yield from approach(work, side, name, lambda: options(work, name), tried)
+        found = yield from approach(work, side, name, lambda: ways(work, name), tried)
     yield from take_hold(work, name, side, (yield from _before(work, name, side, *found)))
 
 
@@ -236,6 +239,14 @@ def options(work: Work, name: str) -> list[Option]:
     if not work.search("right", work.along(name)).admits(found):
         found += _ways(work, name, off_center=True)
     if not found:
+        raise MotionFailure("no_grasp")
+    return found
+
+
+def slanted_options(work: Work, name: str) -> list[Option]:
+    """Those of `options` whose hand comes from a side. Raises MotionFailure "no_grasp" if there is none."""
+    highest = -np.cos(_LIFT.slanted_rad)
+    if not (found := [o for o in options(work, name) if o.waypoints[o.contact][2, 2] > highest]):
         raise MotionFailure("no_grasp")
     return found
 

@@ -21,7 +21,7 @@ from mpvi_bt.hands.motion.work import Words, Work
 from mpvi_bt.hands.skills import spots
 from mpvi_bt.hands.skills.drop import drop_in, reach_over
 from mpvi_bt.hands.skills.inside import looks_inside
-from mpvi_bt.hands.skills.pick import pick_up
+from mpvi_bt.hands.skills.pick import pick_up, slanted_options
 from mpvi_bt.hands.skills.placing import LYING, SETTING, SLANTED, UPRIGHT, Pose, place_at, release
 
 Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  # by a thing, for some leans
@@ -30,6 +30,7 @@ Groups = Callable[[Held], Iterable[Sequence[Pose]]]  # poses to leave a thing in
 
 _BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
 _BARRED = ("no_free_spot", "no_stance")
+_FROM_ABOVE = -0.7  # our choice: z of the way that a hand points, from which it counts as from above
 _UPRIGHT_SPOTS = 4  # our choice: tried with the payload upright before it may lean, at twice as many
 
 
@@ -37,7 +38,8 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Let go of the held `words["object"]` in `words["container"]`, which stands somewhere or hangs in the other hand.
 
     It falls in from above where the container is open there, and else is set down on a board inside, from the front.
-    What falls beside it is picked up and put in once more.
+    What falls beside it is picked up and put in once more. What was taken from above, and has no room in there below a
+    hand, is set down beside the container and taken from a side.
 
     Raises:
         MotionFailure: "not_held", "unknown_object", "not_a_container", "no_release", "no_free_spot", "no_stance",
@@ -46,13 +48,41 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     side = work.hand_with(words["object"], words.get("hand"))
     container = work.same(words["container"], ajar=True)
     name = work.load(side).name
-    if (yield from _put_in(work, side, container, tried)):
+    try:
+        lies_in = yield from _put_in(work, side, container, tried)
+    except MotionFailure as failure:
+        if failure.reason not in _BARRED or not _from_above(work, side):
+            raise
+        if not (yield from _taken_from_a_side(work, side, name, container)):
+            raise
+        lies_in = yield from _put_in(work, side, container, tried)
+    if lies_in:
         return
     if work.scene.holding(side) is None:
         with suppress(MotionFailure):
             yield from pick_up(work, name, side, [])
     if work.scene.holding(side) != name or not (yield from _put_in(work, side, container, tried)):
         raise MotionFailure("missed")
+
+
+def _from_above(work: Work, side: Side) -> bool:
+    """Whether a hand points down, so that a compartment has to have room for it over its payload."""
+    return bool(work.hand(side)[2, 2] < _FROM_ABOVE)
+
+
+def _taken_from_a_side(work: Work, side: Side, name: str, container: str) -> Generator[Array, None, bool]:
+    """Set a payload down beside a container, and take it with a slanted hand; whether that went well."""
+    try:
+        yield from _place_by(work, side, container, spots.beside, SLANTED, [])
+    except MotionFailure:
+        return False
+    try:
+        yield from pick_up(work, name, side, [], slanted_options)
+    except MotionFailure:
+        with suppress(MotionFailure):
+            yield from pick_up(work, name, side, [])
+        return False
+    return True
 
 
 def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
