@@ -3,9 +3,8 @@
     python -m benchmarks.house_drives --robot r1pro
     python -m benchmarks.house_drives --houses generated:111,generated:112
 
-On the prior map, from where it has most free floor: to how many it gets, in which simulated and wall time, how deep its
-base was in anything at the worst;
-and why it does not get to the others.
+On the prior map, from the middle of its largest free floor. Told are the fixtures that it reaches, the simulated and
+the wall time, the greatest depth of its base in an obstacle, and why it does not reach the others.
 """
 
 from __future__ import annotations

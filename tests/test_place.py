@@ -19,6 +19,7 @@ from mpvi_bt.ground.geometry.solids import Array, box, pose
 from mpvi_bt.ground.robot.collision import Load, Surroundings
 from mpvi_bt.ground.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.ground.robot.protocol import Proprioception, Side
+from mpvi_bt.hands.motion import approach
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.robots.r1 import R1
 from mpvi_bt.hands.skills import drop, place, placing
@@ -223,7 +224,7 @@ def test_what_cannot_be_set_down_from_here_is_set_down_from_elsewhere(
         return True
 
     monkeypatch.setattr(placing, "close_in", close_in)
-    monkeypatch.setattr(placing, "go_around", go_around)
+    monkeypatch.setattr(approach, "go_around", go_around)
     monkeypatch.setattr(placing, "_options", lambda *args: [None])
     motion = SimpleNamespace(felt=SimpleNamespace(gripper_width={"left": 0.05}), robot=R1)
     said = SimpleNamespace(load=lambda side: SimpleNamespace(name="jar"), motion=motion)
@@ -523,7 +524,7 @@ def test_what_an_arm_hides_half_of_is_where_it_was_set_down(
 def test_what_was_taken_from_above_is_taken_from_a_side_where_a_container_is_too_low(
     monkeypatch: pytest.MonkeyPatch, down: float, reasons: list[str], taken: bool, calls: list[str], fails: str | None
 ) -> None:
-    """Once, and only where the hand that points down is what may have no room."""
+    """Once, and only with a hand that points down."""
     left, made = list(reasons), list[str]()
 
     def put(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:

@@ -46,7 +46,7 @@ def main(
     seeds: list[int], maps: str, detector: str, houses: int | tuple[str, ...], workers: int, out: Path, again: bool,
     only_table: bool, worst: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Search houses for things of which nobody knows where they are, and print what came of it."""
+    """Search houses for things in unknown places, and print how the searches ended."""
     try:
         rows = {row.job: row for row in _read(out)}
         if not only_table:

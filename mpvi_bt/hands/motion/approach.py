@@ -148,11 +148,11 @@ def go_around(work: Work, place: Array, been: list[Array]) -> Generator[Array, N
 def going_around(
     work: Work, about: str | Array, attempt: Callable[[], Generator[Array, None, _Found]]
 ) -> Generator[Array, None, _Found]:
-    """An attempt; where there is no stance for it, others after drives around what stands before what it is about.
+    """Attempt something; if there is no stance for it, drive around the obstacles before it, and attempt it again.
 
     Args:
         work: Robot and world.
-        about: A thing, or a place (3,) in the world.
+        about: The thing to drive around to, or its place (3,) in the world.
         attempt: What is done.
 
     Raises:

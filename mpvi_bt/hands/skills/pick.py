@@ -245,10 +245,14 @@ def options(work: Work, name: str) -> list[Option]:
 
 def slanted_options(work: Work, name: str) -> list[Option]:
     """Those of `options` whose hand comes from a side. Raises MotionFailure "no_grasp" if there is none."""
-    highest = -np.cos(_LIFT.slanted_rad)
-    if not (found := [o for o in options(work, name) if o.waypoints[o.contact][2, 2] > highest]):
+    if not (found := [o for o in options(work, name) if not from_above(o.waypoints[o.contact])]):
         raise MotionFailure("no_grasp")
     return found
+
+
+def from_above(T_world_tcp: Array) -> bool:
+    """Whether a hand (4, 4) points down rather than aside: a compartment needs room for it over its payload."""
+    return bool(T_world_tcp[2, 2] < -np.cos(_LIFT.slanted_rad))
 
 
 def _ways(work: Work, name: str, off_center: bool) -> list[Option]:

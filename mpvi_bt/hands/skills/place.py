@@ -21,7 +21,7 @@ from mpvi_bt.hands.motion.work import Words, Work
 from mpvi_bt.hands.skills import spots
 from mpvi_bt.hands.skills.drop import drop_in, reach_over
 from mpvi_bt.hands.skills.inside import looks_inside
-from mpvi_bt.hands.skills.pick import pick_up, slanted_options
+from mpvi_bt.hands.skills.pick import from_above, pick_up, slanted_options
 from mpvi_bt.hands.skills.placing import LYING, SETTING, SLANTED, UPRIGHT, Pose, place_at, release
 
 Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  # by a thing, for some leans
@@ -30,7 +30,6 @@ Groups = Callable[[Held], Iterable[Sequence[Pose]]]  # poses to leave a thing in
 
 _BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
 _BARRED = ("no_free_spot", "no_stance")
-_FROM_ABOVE = -0.7  # our choice: z of the way that a hand points, from which it counts as from above
 _UPRIGHT_SPOTS = 4  # our choice: tried with the payload upright before it may lean, at twice as many
 
 
@@ -51,7 +50,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     try:
         lies_in = yield from _put_in(work, side, container, tried)
     except MotionFailure as failure:
-        if failure.reason not in _BARRED or not _from_above(work, side):
+        if failure.reason not in _BARRED or not from_above(work.hand(side)):
             raise
         if not (yield from _taken_from_a_side(work, side, name, container)):
             raise
@@ -63,11 +62,6 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
             yield from pick_up(work, name, side, [])
     if work.scene.holding(side) != name or not (yield from _put_in(work, side, container, tried)):
         raise MotionFailure("missed")
-
-
-def _from_above(work: Work, side: Side) -> bool:
-    """Whether a hand points down, so that a compartment has to have room for it over its payload."""
-    return bool(work.hand(side)[2, 2] < _FROM_ABOVE)
 
 
 def _taken_from_a_side(work: Work, side: Side, name: str, container: str) -> Generator[Array, None, bool]:

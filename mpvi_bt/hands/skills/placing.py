@@ -20,7 +20,7 @@ from mpvi_bt.ground.robot.collision import Surroundings
 from mpvi_bt.ground.robot.hand import Hand
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
-from mpvi_bt.hands.motion.approach import LEGS, close_in, go_around, leave, lines, take_up, withdraw
+from mpvi_bt.hands.motion.approach import close_in, going_around, leave, lines, take_up, withdraw
 from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.stance.stance import Option, Stance
@@ -200,18 +200,15 @@ def place_at(
                     break
         return None
 
-    been: list[Array] = []
-    for leg in range(LEGS + 1):
+    def attempt() -> Generator[Array, None, tuple[Stance, Search]]:
         try:
-            stance, search = yield from close_in(work, side, (), about, find, tried)
-            break
+            return (yield from close_in(work, side, (), about, find, tried))
         except MotionFailure as failure:
-            if failure.reason != "no_stance":
+            if failure.reason != "no_stance" or seen:
                 raise
-            if not seen:
-                raise work.no_free_spot(held.name, about) from None
-            if about is None or leg == LEGS or not (yield from go_around(work, work.middle(about)[:2], been)):
-                raise
+            raise work.no_free_spot(held.name, about) from None
+
+    stance, search = yield from attempt() if about is None else going_around(work, about, attempt)
     try:
         yield from take_up(work, stance, search)
         yield from _lower(work, side, stance, goal)
