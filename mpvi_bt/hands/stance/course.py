@@ -208,7 +208,7 @@ class CourseSearch(BaseSearch):
         T = kin.inverse(kin.base(base))
         touches = matmul(T, np.stack([course.touch for course in courses]))
         torsos, t, g, q = self.postures(
-            touches, [course.cost for course in courses], _COURSE.pitches_rad, swivels=_COURSE.swivels
+            touches, [course.cost for course in courses], self.torsos(_COURSE.pitches_rad), swivels=_COURSE.swivels
         )
         if not len(q):
             self.refusals.add("out of reach")

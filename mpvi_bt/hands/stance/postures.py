@@ -61,7 +61,13 @@ def stance_at(
     goals = np.split(matmul(T, np.concatenate([options[k].waypoints for k in able])), ends[:-1])
     keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
     key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
-    torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _POSTURE.pitches_rad, swivels=12)
+    near = site.around(base, touched=True)
+    trunks = site.torsos_amid(_POSTURE.pitches_rad, near)
+    if not len(trunks[0]):
+        trunk = site.body(site.motion.torso, near).trunk
+        site.refusals.add("trunk in the way", partial(deepest, near, *trunk, kin.base(base)))
+        return None, False
+    torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], trunks, swivels=12)
     if not len(q):
         site.refusals.add("out of reach")
         return None, False
@@ -95,8 +101,8 @@ def stance_at(
         if path is not None:
             return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m), True
     if not len(rows):
-        first = site.body(torsos[t[0]], site.around(base, touched=True), arms)
-        site.refusals.add("arm or trunk in the way", partial(_met, replace(first, arms={site.side: q[0]}), base))
+        first = site.body(torsos[t[0]], near, arms)
+        site.refusals.add("arm in the way", partial(_met, replace(first, arms={site.side: q[0]}), base))
     elif any(standing.values()):
         site.refusals.add("no path of the arm")
     else:
@@ -117,8 +123,6 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
     near, loose = site.around(base, touched=True), site.around(base, touched=False)
     for k in np.unique(t):
         body = site.body(torsos[k], near, arms)
-        if not body.trunk_free():
-            continue
         rows = np.flatnonzero((t == k) & touching)
         out[rows] = body.amid(loose, bare).free(site.side, q[rows], -TOUCH_M, grasping=True)
         rows = np.flatnonzero((t == k) & ~touching)

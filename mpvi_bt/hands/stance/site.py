@@ -153,22 +153,36 @@ class Site:
         postures = robot.postures(pitches, float(robot.trunk.posture(robot.travel_torso)[3]))
         return robot.trunk.joints(postures), postures
 
+    def torsos_amid(self, pitches: Sequence[float], around: Obstacles) -> tuple[Array, Array]:
+        """As `torsos`, without those that meet something around, in the base frame.
+
+        Where the trunk meets something at one pitch and not at the next, the pitch between them is among them.
+        """
+        halfway = [(a + b) / 2 for a, b in itertools.pairwise(pitches)]
+        torsos, postures = self.torsos(sorted([*pitches, *halfway]))
+        centers, radii = zip(*(self.body(torso, NOTHING).trunk for torso in torsos), strict=True)
+        free = (around.distance(np.stack(centers)) > radii[0]).all(1).reshape(len(self.motion.robot.lifts), -1)
+        wanted = np.isin(postures[:, 2], pitches).reshape(free.shape)
+        wanted[:, 1:-1] |= free[:, :-2] != free[:, 2:]
+        rows = (free & wanted).ravel()
+        return torsos[rows], postures[rows]
+
     def postures(
-        self, goals: Array, costs: Sequence[float], pitches: Sequence[float], swivels: int
+        self, goals: Array, costs: Sequence[float], trunks: tuple[Array, Array], swivels: int
     ) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
         """Postures of torso and arm in which the hand that works reaches a goal, the most comfortable first.
 
         Args:
             goals: (k, 4, 4) T_base_tcp.
             costs: Preference, of each goal.
-            pitches: Of the torso [rad].
+            trunks: Joints (m, 4) and postures (m, 4) of the torsos in question.
             swivels: How many places of the elbow.
 
         Returns:
             Torsos (m, 4); the index of its torso (n,), the index of its goal (n,) and the arm (n, 7) of each posture.
         """
         robot = self.motion.robot
-        torsos, postures = self.torsos(pitches)
+        torsos, postures = trunks
         lift = robot.trunk.posture(self.motion.torso)[0]
         chests = kin.inverse(robot.chest(torsos))
         at, q = robot.arm_inverse(matmul(chests[:, None], goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
