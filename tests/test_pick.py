@@ -15,6 +15,7 @@ from mpvi_bt.ground.robot.protocol import SIDES, Side
 from mpvi_bt.hands.motion.approach import arrive
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.skills import pick as picking
+from mpvi_bt.hands.skills.openings import thing_meant
 from mpvi_bt.hands.skills.pick import _bring, pick
 from mpvi_bt.hands.stance.stance import Stance
 from mpvi_bt.house.sim.world import SimWorld
@@ -181,6 +182,17 @@ def test_what_stands_open_is_meant_where_things_are_put() -> None:
     world.set_opening("cabinet_2", "door", 0.8)
     assert task.nearest("cabinet") == "cabinet_1"
     assert task.nearest("cabinet", ajar=True) == "cabinet_2"
+
+
+def test_what_has_the_content_is_meant_where_something_is_to_be_taken_out() -> None:
+    """Of two cabinets the one with the can is opened to take a can out; the nearer one where neither has any."""
+    near, far = (f"{{entry: base_cabinet, at: [1.0, {y}], yaw_deg: 180}}" for y in (0.0, 0.9))
+    can = placed("can_of_soda", 1.0, 0.9, 0.12)
+    for things, opened in (({"can": can}, "cabinet_2"), ({}, "cabinet_1")):
+        world = small_world(things, (-0.2, 0.0, 0.0), cabinet_1=near, cabinet_2=far)
+        task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        assert thing_meant(task, "the cabinet", content="can of soda")[0] == opened
+        assert thing_meant(task, "the cabinet")[0] == opened, "it is the same one again"
 
 
 def test_of_cabinets_above_one_another_the_one_in_easy_reach_is_meant() -> None:

@@ -56,6 +56,37 @@ def test_a_round_goes_on_after_what_was_put_away_before(outcomes: str, objects: 
     assert tried(PROMPT, outcomes) == objects
 
 
+@pytest.mark.parametrize(
+    ("prompt", "content"),
+    [
+        ("open the cabinet, then pick up a bowl from the cabinet", "bowl"),
+        ("open the cabinet, then pick up the bowl from the table", None),
+        ("open the cabinet", None),
+        ("pick up a cup from the cabinet, then open the cabinet", None),
+    ],
+)
+def test_what_is_opened_is_opened_for_what_is_taken_out_of_it(prompt: str, content: str | None) -> None:
+    """The first thing that the same prompt takes from it is what it has to have in it."""
+    policy = Opening("++")
+    work = cast("Work", SimpleNamespace())
+    list(policy.perform(work, prompt))
+    assert policy.opened == [content]
+
+
+class Opening(Told):
+    """It notes what was to be in what it opens."""
+
+    def __init__(self, outcomes: str) -> None:
+        super().__init__(outcomes)
+        self.opened: list[str | None] = []
+
+    def attempt(self, work: Work, call: SkillCall) -> Any:
+        """As told."""
+        if call.skill.name == "open":
+            self.opened.append(call.arguments.get("content"))
+        return (yield from super().attempt(work, call))
+
+
 class Empty(Told):
     """Its hands are empty until it has picked something up."""
 

@@ -26,6 +26,7 @@ _Answer = TypeVar("_Answer")
 Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
 NEAR_M = 1.7  # our choice, an arm and a stride: solids farther from the robot than this do not matter to a skill
+SAME_M = 3.0  # our choice, a room's width: what a phrase has named this near to the robot it names again
 LIFTED_M = 0.10  # our choice: a hand that rises by that is clear of what stands beside
 _RISES = (1.0, 0.5, 0.25)  # our choice: shares of it, where a board hangs low
 
@@ -134,19 +135,25 @@ class Work:
         """The first of those that a phrase names, as `alike` orders them. Raises as `alike`."""
         return self.alike(phrase, source, ajar)[0]
 
-    def same(self, phrase: str, ajar: bool = False) -> str:
-        """As `nearest`, but what a phrase has named it names again while that is near; "another" names one of the rest.
+    def same(self, phrase: str, ajar: bool = False, content: str | None = None) -> str:
+        """The first of those that a phrase names, as `again` orders them. Raises as `alike`."""
+        return self.again(phrase, ajar, content)[0]
+
+    def again(self, phrase: str, ajar: bool = False, content: str | None = None) -> list[str]:
+        """As `alike`, but what a phrase has named comes first while that is near; with "another" one of the rest does.
 
         Of two bookcases side by side "the bookcase" is that in which the first thing was put, as in a person's words.
         """
-        names, said = self.alike(phrase, ajar=ajar), normalize(OTHER.sub("", phrase))
+        names, said = self.alike(phrase, None, ajar, content), normalize(OTHER.sub("", phrase))
         before, here = self.meant.get(said), self.motion.felt.base_pose[:2]
-        if before in names and norm(self.middle(before)[:2] - here) < NEAR_M:
-            names = [n for n in names if (n == before) != bool(OTHER.match(phrase))] or names
+        if before in names and norm(self.middle(before)[:2] - here) < SAME_M:
+            names.sort(key=lambda name: (name == before) == bool(OTHER.match(phrase)))
         self.meant[said] = names[0]
-        return names[0]
+        return names
 
-    def alike(self, phrase: str, source: str | None = None, ajar: bool = False) -> list[str]:
+    def alike(
+        self, phrase: str, source: str | None = None, ajar: bool = False, content: str | None = None
+    ) -> list[str]:
         """The things that a phrase names, of those that are still to be picked up, if there are any.
 
         The nearest comes first. Our choice: nearest to where the base is, at a comfortable height for the hands. Of two
@@ -155,7 +162,8 @@ class Work:
         Args:
             phrase: What they are called.
             source: What they are said to be in or on; where nothing so called is there, they may be anywhere.
-            ajar: What stands open near by comes before what is nearer and shut: to put something in, or to close it.
+            ajar: What stands open comes before what is nearer and shut: to put something in, or to close it.
+            content: What is to be found in or on them; where none is known to have that, it may be any of them.
 
         Raises:
             MotionFailure: "unknown_object" if nothing is called so.
@@ -168,11 +176,13 @@ class Work:
         if source is not None:
             places = known.find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
+        if content is not None:
+            things = known.find(content)
+            found = [e for e in found if any(_there(thing, e) for thing in things)] or found
         found = self._as_said(found, phrase, ajar)
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
-            near = [e for e in some if norm(e.center[:2] - here) < NEAR_M]
-            some = [e for e in near if self.stands_open(e.name)] or some
+            some = [e for e in some if self.stands_open(e.name)] or some
         hands = np.append(here, EASY_M)
         return [e.name for e in sorted(some, key=lambda e: float(norm(e.center - hands)))]
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Generator, Hashable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -159,6 +159,7 @@ class ScriptedPolicy:
             calls.append(call)
         if not calls:
             return None
+        calls = [_with_content(call, calls[k + 1 :]) for k, call in enumerate(calls)]
         done = begin = 0  # so many calls have succeeded once, and so many lie behind what was put away last
         # What was dropped is picked up again; what was put away stays there.
         for again in reversed(range(_PERSIST.rounds)):
@@ -319,3 +320,11 @@ class ScriptedPolicy:
                 yield from tuck(work)
         except MotionFailure as failure:
             self.note = f"recovery: {failure}"
+
+
+def _with_content(call: SkillCall, later: Sequence[SkillCall]) -> SkillCall:
+    """A call that opens something, with the word "content": what the first of some later calls takes out of it."""
+    opened = call.arguments.get(call.skill.effects.open or "")
+    takes = [c for c in later if c.skill.effects.held and c.arguments.get("source") == opened is not None]
+    taken = [c.arguments.get(c.skill.effects.held or "", "") for c in takes]
+    return replace(call, arguments={**call.arguments, "content": taken[0]}) if taken else call

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
 from mpvi_bt.ground.geometry.solids import Array, Solid
 from mpvi_bt.ground.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
+from mpvi_bt.hands.motion.approach import going_around
 from mpvi_bt.hands.motion.carry import settle
 from mpvi_bt.hands.motion.door_views import look_beside, seen_twice, stand_before, stands_as
 from mpvi_bt.hands.motion.follow import FOLLOW, back_out, go_along, take_up, touch
@@ -50,6 +51,8 @@ _BACK_OFF_M = 0.25  # our choice: that the base backs off afterward, so that the
 def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Open what `words["object"]` names: a thing that has one door, or one of its doors, such as its top drawer.
 
+    Of several alike the one is meant that has `words["content"]` in it, if that is said and known.
+
     Args:
         work: Robot and world.
         words: Of the skill call.
@@ -59,7 +62,7 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "no_door", "no_handle", "hands_full", "no_stance", "closed_empty", "slipped",
             "not_opened", or a motion's own reason.
     """
-    thing, places = thing_meant(work, words["object"])
+    thing, places = thing_meant(work, words["object"], content=words.get("content"))
     yield from look_over(work, thing)
     doors = doors_meant(work, thing, places)
     for _ in range(_OPEN.views):
@@ -76,7 +79,8 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from look_beside(work, door)
         yield from look_over(work, thing)
         door = next((d for d in work.scene.doors(thing) if d.bar is not None and stands_as(d, door)), door)
-    yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
+    to = [min(t, door.limit) for t in targets(door)]
+    yield from going_around(work, thing, lambda: swing(work, thing, door, to, tried, words.get("hand")))
     if not work.scene.needs_looks:
         opened = any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name)
     else:  # the hand has felt the bar to the end, and knows better than a look from aside; but not if it is still there
@@ -111,7 +115,7 @@ def is_open(door: Door) -> bool:
 
 def swing(
     work: Work, thing: str, door: Door, to: Sequence[float], tried: list[Array], hand: str | None = None
-) -> Actions:
+) -> Generator[Array, None, None]:
     """Take a door by its bar, bring it to the first of the positions `to` that can be done, let go, back off, fold.
 
     Raises:

@@ -21,13 +21,14 @@ _RANKS = {  # of doors, from the top
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
 
 
-def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[str]]:
+def thing_meant(work: Work, phrase: str, ajar: bool = False, content: str | None = None) -> tuple[str, list[str]]:
     """The thing that a phrase names, and the words that tell its doors apart.
 
     Args:
         work: Robot and world.
         phrase: Such as "cabinet", "top drawer of the chest of drawers", "left cabinet door".
-        ajar: As of `Work.nearest`.
+        ajar: As of `Work.alike`.
+        content: As of `Work.alike`.
 
     Raises:
         MotionFailure: "unknown_object" if nothing is called so.
@@ -46,8 +47,8 @@ def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[
         if match and (found(match["thing"]) or found(words)):
             said = [w for w in f"{match['places']} {match['rank'] or ''}".split() if w != "number"]
             # What only cameras know is called as it was asked for, place and all.
-            return work.nearest(match["thing"] if found(match["thing"]) else words, ajar=ajar), said
-    return work.nearest(words, ajar=ajar), []
+            return work.same(match["thing"] if found(match["thing"]) else words, ajar, content), said
+    return work.same(words, ajar, content), []
 
 
 def doors_meant(work: Work, thing: str, places: Sequence[str]) -> list[Door]:
