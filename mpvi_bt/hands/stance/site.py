@@ -158,14 +158,25 @@ class Site:
 
         Where the trunk meets something at one pitch and not at the next, the pitch between them is among them.
         """
-        halfway = [(a + b) / 2 for a, b in itertools.pairwise(pitches)]
-        torsos, postures = self.torsos(sorted([*pitches, *halfway]))
-        centers, radii = zip(*(self.body(torso, NOTHING).trunk for torso in torsos), strict=True)
-        free = (around.distance(np.stack(centers)) > radii[0]).all(1).reshape(len(self.motion.robot.lifts), -1)
+        torsos, postures, centers, radii = self._trunks(tuple(pitches))
+        free = (around.distance(centers) > radii).all(1).reshape(len(self.motion.robot.lifts), -1)
         wanted = np.isin(postures[:, 2], pitches).reshape(free.shape)
         wanted[:, 1:-1] |= free[:, :-2] != free[:, 2:]
         rows = (free & wanted).ravel()
         return torsos[rows], postures[rows]
+
+    def _trunks(self, pitches: tuple[float, ...]) -> tuple[Array, Array, Array, Array]:
+        """`torsos` at pitches and halfway between them; centers (m, n, 3) in the base frame and radii (n,) of each."""
+        if pitches not in self._trunks_at:
+            halfway = [(a + b) / 2 for a, b in itertools.pairwise(pitches)]
+            torsos, postures = self.torsos(sorted([*pitches, *halfway]))
+            centers, radii = zip(*(self.body(torso, NOTHING).trunk for torso in torsos), strict=True)
+            self._trunks_at[pitches] = torsos, postures, np.stack(centers), radii[0]
+        return self._trunks_at[pitches]
+
+    @cached_property
+    def _trunks_at(self) -> dict[tuple[float, ...], tuple[Array, Array, Array, Array]]:
+        return {}  # the same at every base pose
 
     def postures(
         self, goals: Array, costs: Sequence[float], trunks: tuple[Array, Array], swivels: int
