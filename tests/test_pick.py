@@ -185,14 +185,25 @@ def test_what_stands_open_is_meant_where_things_are_put() -> None:
 
 
 def test_what_has_the_content_is_meant_where_something_is_to_be_taken_out() -> None:
-    """Of two cabinets the one with the can is opened to take a can out; the nearer one where neither has any."""
-    near, far = (f"{{entry: base_cabinet, at: [1.0, {y}], yaw_deg: 180}}" for y in (0.0, 0.9))
+    """Of three cabinets the one with the can is opened to take a can out; the nearest one where none has any."""
+    cabinets = {
+        f"cabinet_{k}": f"{{entry: base_cabinet, at: [1.0, {y}], yaw_deg: 180}}"
+        for k, y in enumerate((-0.1, 0.9, 1.8), 1)
+    }
     can = placed("can_of_soda", 1.0, 0.9, 0.12)
     for things, opened in (({"can": can}, "cabinet_2"), ({}, "cabinet_1")):
-        world = small_world(things, (-0.2, 0.0, 0.0), cabinet_1=near, cabinet_2=far)
+        world = small_world(things, (-0.2, 0.0, 0.0), **cabinets)
         task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
         assert thing_meant(task, "the cabinet", content="can of soda")[0] == opened
         assert thing_meant(task, "the cabinet")[0] == opened, "it is the same one again"
+
+
+def test_what_is_no_more_is_unknown() -> None:
+    """A log that was chopped is nowhere: no skill ends an episode over it."""
+    world = small_world({"can": placed("can_of_soda", 1.0, 0.0, 0.12)}, (-0.2, 0.0, 0.0))
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    with pytest.raises(MotionFailure, match="unknown_object"):
+        work.middle("log")
 
 
 def test_of_cabinets_above_one_another_the_one_in_easy_reach_is_meant() -> None:

@@ -161,33 +161,6 @@ def test_the_shelf_is_the_same_shelf_again() -> None:
     assert there(-3.0, far).same("the shelf") == "shelf_2"
 
 
-@pytest.mark.parametrize(
-    ("outcomes", "went", "reason"),
-    [
-        (["no_free_spot", "missed"], ["table_1", "table_2"], "missed"),
-        (["no_stance", "no_free_spot", "no_stance"], ["table_1", "table_2", "table_3"], "no_stance"),
-        (["missed"], ["table_1"], "missed"),
-    ],
-)
-def test_the_next_of_several_alike_is_tried_where_one_has_no_room(
-    monkeypatch: pytest.MonkeyPatch, outcomes: list[str], went: list[str], reason: str
-) -> None:
-    """Three at the most; what went wrong otherwise is no reason to go elsewhere."""
-    tried = []
-
-    def place_by(work: Work, side: Side, name: str, *rest: object) -> Actions:
-        tried.append(name)
-        yield from ()
-        raise MotionFailure(outcomes[len(tried) - 1])
-
-    monkeypatch.setattr(place, "_place_by", place_by)
-    names = [f"table_{k}" for k in range(1, 6)]
-    said = SimpleNamespace(hand_with=lambda *args: "left", again=lambda phrase: names)
-    with pytest.raises(MotionFailure, match=reason):
-        list(place.place_on(cast("Work", said), {"object": "cup", "surface": "table"}, []))
-    assert tried == went
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.25])
 def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     monkeypatch: pytest.MonkeyPatch, yaw: float

@@ -160,10 +160,10 @@ def going_around(
     """
     been: list[Array] = []
     for _ in range(LEGS):
+        place = work.middle(about) if isinstance(about, str) else about  # before it may be no more, as a chopped log
         try:
             return (yield from attempt())
         except MotionFailure as failure:
-            place = work.middle(about) if isinstance(about, str) else about
             if failure.reason != "no_stance" or not (yield from go_around(work, place[:2], been)):
                 raise
     return (yield from attempt())

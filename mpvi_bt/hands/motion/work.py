@@ -128,28 +128,35 @@ class Work:
                 self.effort.failed.clear()  # there may be room where there seemed to be none
 
     def middle(self, name: str) -> Array:
-        """(3,) the middle of the box about a thing, in the world."""
-        return np.asarray(bounds(self.scene.solids(name)).mean(0))
+        """(3,) the middle of the box about a thing, in the world.
+
+        Raises:
+            MotionFailure: "unknown_object" if it is no more, as a log that was chopped.
+        """
+        try:
+            solids = self.scene.solids(name)
+        except KeyError:
+            raise MotionFailure("unknown_object") from None
+        return np.asarray(bounds(solids).mean(0))
 
     def nearest(self, phrase: str, source: str | None = None, ajar: bool = False) -> str:
         """The first of those that a phrase names, as `alike` orders them. Raises as `alike`."""
         return self.alike(phrase, source, ajar)[0]
 
     def same(self, phrase: str, ajar: bool = False, content: str | None = None) -> str:
-        """The first of those that a phrase names, as `again` orders them. Raises as `alike`."""
-        return self.again(phrase, ajar, content)[0]
-
-    def again(self, phrase: str, ajar: bool = False, content: str | None = None) -> list[str]:
-        """As `alike`, but what a phrase has named comes first while that is near; with "another" one of the rest does.
+        """The first of `alike`, but what a phrase has named it names again while near; "another" names one of the rest.
 
         Of two bookcases side by side "the bookcase" is that in which the first thing was put, as in a person's words.
+
+        Raises:
+            MotionFailure: As `alike`.
         """
         names, said = self.alike(phrase, None, ajar, content), normalize(OTHER.sub("", phrase))
         before, here = self.meant.get(said), self.motion.felt.base_pose[:2]
         if before in names and norm(self.middle(before)[:2] - here) < SAME_M:
             names.sort(key=lambda name: (name == before) == bool(OTHER.match(phrase)))
         self.meant[said] = names[0]
-        return names
+        return names[0]
 
     def alike(
         self, phrase: str, source: str | None = None, ajar: bool = False, content: str | None = None
@@ -162,7 +169,8 @@ class Work:
         Args:
             phrase: What they are called.
             source: What they are said to be in or on; where nothing so called is there, they may be anywhere.
-            ajar: What stands open comes before what is nearer and shut: to put something in, or to close it.
+            ajar: What stands open in the same room comes before what is nearer and shut: to put something in, or to
+                close it.
             content: What is to be found in or on them; where none is known to have that, it may be any of them.
 
         Raises:
@@ -182,7 +190,8 @@ class Work:
         found = self._as_said(found, phrase, ajar)
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
-            some = [e for e in some if self.stands_open(e.name)] or some
+            near = [e for e in some if norm(e.center[:2] - here) < SAME_M]
+            some = [e for e in near if self.stands_open(e.name)] or some
         hands = np.append(here, EASY_M)
         return [e.name for e in sorted(some, key=lambda e: float(norm(e.center - hands)))]
 

@@ -325,6 +325,10 @@ class ScriptedPolicy:
 def _with_content(call: SkillCall, later: Sequence[SkillCall]) -> SkillCall:
     """A call that opens something, with the word "content": what the first of some later calls takes out of it."""
     opened = call.arguments.get(call.skill.effects.open or "")
-    takes = [c for c in later if c.skill.effects.held and c.arguments.get("source") == opened is not None]
-    taken = [c.arguments.get(c.skill.effects.held or "", "") for c in takes]
-    return replace(call, arguments={**call.arguments, "content": taken[0]}) if taken else call
+    if opened is None:
+        return call
+    for taking in later:
+        taken = taking.arguments.get(taking.skill.effects.held or "")
+        if taken is not None and taking.arguments.get("source") == opened:
+            return replace(call, arguments={**call.arguments, "content": taken})
+    return call

@@ -30,7 +30,6 @@ Groups = Callable[[Held], Iterable[Sequence[Pose]]]  # poses to leave a thing in
 
 _BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
 _BARRED = ("no_free_spot", "no_stance")
-_SURFACES = 3  # our choice: of a name, tried one after the other
 _UPRIGHT_SPOTS = 4  # our choice: tried with the payload upright before it may lean, at twice as many
 
 
@@ -119,8 +118,6 @@ def _let_go_in(work: Work, side: Side, container: str, tried: list[Array]) -> Ac
 def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Set the held `words["object"]` down on `words["surface"]`, upright, at a free spot; the floor is a surface, too.
 
-    Of several alike the next is tried where one has no room in reach.
-
     Raises:
         MotionFailure: "not_held", "unknown_object", "no_free_spot", "no_stance", "not_released", "missed", or a
             motion's own reason.
@@ -129,15 +126,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
     if spots.is_floor(words["surface"]):
         yield from set_on_floor(work, side, tried)
         return
-    *others, last = work.again(words["surface"])[:_SURFACES]
-    for name in others:
-        try:
-            yield from _place_by(work, side, name, spots.on, LYING, tried)
-            return
-        except MotionFailure as failure:
-            if failure.reason not in _BARRED:
-                raise
-    yield from _place_by(work, side, last, spots.on, LYING, tried)
+    yield from _place_by(work, side, work.same(words["surface"]), spots.on, LYING, tried)
 
 
 def set_on_floor(work: Work, side: Side, tried: list[Array]) -> Actions:
