@@ -36,6 +36,7 @@ class Cutting:
 
 
 _CUT = Cutting()
+_NEXT = ("not_cut", "no_stance")  # reasons of one piece, which are none to leave the others whole
 _WHICH = re.compile(r"^(?:(?:the|an?|last|other|another|both) )+")
 
 
@@ -54,7 +55,7 @@ def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
     """As `cut`, and each half again as soon as the blade cuts anew; only the halves, where nothing whole is left.
 
     Raises:
-        MotionFailure: As `cut`; "not_cut" once all else is.
+        MotionFailure: As `cut`; "not_cut" and "no_stance" once all else is cut.
     """
     side, phrase = tool_hand(work, words), words.get("object", "")
     halves = _halves(work, phrase)
@@ -67,7 +68,7 @@ def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
         try:
             yield from _press(work, side, piece, tried)
         except MotionFailure as failure:
-            if failure.reason != "not_cut":
+            if failure.reason not in _NEXT:
                 raise
             missed = failure
         left = [half for half in _halves(work, phrase) if half not in tended]
