@@ -233,11 +233,15 @@ def test_what_failed_is_not_searched_again(world: SimWorld, monkeypatch: pytest.
         return None, 1.0
 
     monkeypatch.setattr(Search, "_from", fail)
-    search = work(world).search("right", {"can"})
-    ways = options(world)
+    task = work(world)
+    search, ways, left = task.search("right", {"can"}), options(world), list[int]()
     for _ in range(2):
+        task.refusals.clear()
         assert search.find(world.pose("can")[:2, 3], ways, spacings=(0,)) is None
+        told = re.search(r"(\d+) left for the next try", task.no_stance().evidence)
+        left.append(int(told[1]) if told else 0)
     assert len({tuple(base) for base in checked}) == len(checked) > 12
+    assert left[0] > left[1], "a search that ends before its candidates do says how many it leaves"
     monkeypatch.setattr(Search, "_from", checks)
     assert search.find(world.pose("can")[:2, 3], ways) is not None
     assert not search.effort.failed

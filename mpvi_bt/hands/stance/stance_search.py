@@ -102,6 +102,7 @@ class Search(BaseSearch):
             if budget.left and budget.spent < budget.most:
                 self.refusals.add("not looked at, as planning took too long", count=budget.left)
                 return None
+        self.refusals.add("left for the next try", count=budget.left)
         return None
 
     def go_around(self, focus_xy: Array, been: Sequence[Array]) -> list[Array] | None:
