@@ -20,7 +20,7 @@ from mpvi_bt.hands.skills.pick import _bring, pick
 from mpvi_bt.hands.stance.stance import Stance
 from mpvi_bt.house.sim.world import SimWorld
 from mpvi_bt.house.truth.true_scene import TrueScene
-from tests.small_house import placed, small_world
+from tests.small_house import placed, small_house, small_world
 
 CAN = {"object": "can of soda"}
 TABLE = "{entry: table, at: [0.9, 0.0]}"
@@ -186,13 +186,11 @@ def test_what_stands_open_is_meant_where_things_are_put() -> None:
 
 def test_what_has_the_content_is_meant_where_something_is_to_be_taken_out() -> None:
     """Of three cabinets the one with the can is opened to take a can out; the nearest one where none has any."""
-    cabinets = {
-        f"cabinet_{k}": f"{{entry: base_cabinet, at: [1.0, {y}], yaw_deg: 180}}"
-        for k, y in enumerate((-0.1, 0.9, 1.8), 1)
-    }
+    cabinets = [f"{{entry: base_cabinet, at: [1.0, {y}], yaw_deg: 180}}" for y in (-0.1, 0.9, 1.8)]
     can = placed("can_of_soda", 1.0, 0.9, 0.12)
     for things, opened in (({"can": can}, "cabinet_2"), ({}, "cabinet_1")):
-        world = small_world(things, (-0.2, 0.0, 0.0), **cabinets)
+        house = small_house(cabinet_1=cabinets[0], cabinet_2=cabinets[1], cabinet_3=cabinets[2])
+        world = SimWorld(house, things, np.array((-0.2, 0.0, 0.0)))
         task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
         assert thing_meant(task, "the cabinet", content="can of soda")[0] == opened
         assert thing_meant(task, "the cabinet")[0] == opened, "it is the same one again"
