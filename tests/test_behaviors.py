@@ -314,6 +314,16 @@ def test_the_skill_says_whose_picture_is_shown(skill: str | None, event: Trigger
     assert bench.context.log.queries[0].camera == camera
 
 
+@pytest.mark.parametrize(("event", "camera"), [("idle", "right"), ("grasp", "right"), ("release", "head")])
+def test_a_hand_that_is_asked_about_is_shown_by_its_own_camera(event: str, camera: str) -> None:
+    """The left hand, full before, stands still as well: its picture says nothing of the right one."""
+    asked = "a can of soda is held in the right gripper"
+    bench = Bench(f"check_complete: {asked}\nskill: pick", {asked: (True,)})
+    bench.context.triggers.update = lambda: TriggerEvent(event, "left")  # type: ignore[method-assign]
+    assert bench.run(1) == Status.SUCCESS
+    assert bench.context.log.queries[0].camera == camera
+
+
 class Releases:
     """Triggers that notice a release in the third step and tell of it from the sixth on.
 

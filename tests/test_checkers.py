@@ -432,6 +432,22 @@ def test_a_can_beside_the_bin_is_next_to_it_and_one_in_it_or_far_away_is_not() -
         assert judged.complete is so, judged.reason
 
 
+def test_a_can_is_next_to_what_is_tall_at_a_larger_gap() -> None:
+    """As BEHAVIOR has it, the gap may be a sixth of both sizes, over all three axes: trees are thin and high."""
+    for height_m, so in ((1.0, True), (0.2, False)):
+        post: Box = ("bin", (0.0, -0.1, 0.0), (0.1, 0.1, height_m))
+        judged = see("the can of soda is next to the trash can", head([FLOOR, post, can(-0.088, 0.0, 0.0)]))
+        assert judged.complete is so, judged.reason
+
+
+def test_a_can_in_the_empty_corner_of_the_box_around_a_thing_is_next_to_it() -> None:
+    """Two walls at a right angle leave most of the box around them free; what is held over or put on them is not so."""
+    walls: list[Box] = [("bin", (0.15, -0.2, 0.0), (0.2, 0.2, 0.3)), ("bin", (-0.1, 0.15, 0.0), (0.2, 0.2, 0.3))]
+    for box, so in ((can(0.05, 0.05, 0.0), True), (can(0.175, 0.0, 0.3), False)):
+        judged = see("the can of soda is next to the trash can", head([FLOOR, *walls, box]))
+        assert judged.complete is so, judged.reason
+
+
 def test_a_can_under_the_table_is_under_it_and_one_on_it_beside_it_or_in_a_bin_is_not() -> None:
     """A part of the table must be seen over it."""
     top: Box = ("table", (-0.1, -0.4, 0.60), (0.7, 0.4, 0.64))

@@ -12,6 +12,7 @@ from mpvi_bt.executive.behaviors.context import Query
 from mpvi_bt.executive.behaviors.node import Leaf
 from mpvi_bt.executive.behaviors.question import Question
 from mpvi_bt.executive.behaviors.saved_state import count
+from mpvi_bt.executive.completion.criteria import parse
 from mpvi_bt.ground.errors import UnknownName
 from mpvi_bt.ground.protocols import Judgement, TriggerEvent
 from mpvi_bt.ground.robot.protocol import CameraImage, Side, other
@@ -123,11 +124,12 @@ class CheckComplete(Leaf):
                 raise ValueError(f"'event' should be the kind of an event and its hand, not {wrong!r:.40}")
 
     def _camera(self, event: TriggerEvent) -> str:
-        """The camera that shows the result of an event."""
+        """The camera that shows the result of an event: of the hand's cameras that of the hand which is asked about."""
         wanted = self._cameras.get(event.kind)
         if event.side is None or wanted not in ("hand", "other_hand"):
             return "head"
-        camera = event.side if wanted == "hand" else other(event.side)
+        asked = parse(self._asked_about)
+        camera = (asked and asked.side) or (event.side if wanted == "hand" else other(event.side))
         return camera if camera in robot_named(self.context.robot.proprioception().robot).cameras else "head"
 
     def _look(self, camera: str) -> CameraImage | None:

@@ -15,6 +15,7 @@ from mpvi_bt.finding.perception.between_fingers import hand_points
 from mpvi_bt.finding.perception.detector import SWITCH
 from mpvi_bt.ground.geometry.kinematics import inverse
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm, principal_axes
+from mpvi_bt.ground.geometry.next_to import NEXT_TO_GAP
 from mpvi_bt.ground.geometry.solids import Array
 from mpvi_bt.ground.protocols import Judgement
 from mpvi_bt.ground.robot.default_robot import DEFAULT_ROBOT
@@ -44,7 +45,6 @@ class Eyesight:
     rim_m: float = 0.06  # largest height of a thing inside above the container's rim, if its own size is less [m]
     rest_m: float = 0.03  # tolerance between a thing's lowest visible points and its support [m]
     share: float = 0.5  # part of the visible thing that must be in place [ratio]
-    beside: float = 1 / 3  # largest gap between things that are next to each other [ratio of their mean size]
     light_px: int = 4  # a switch with fewer pixels than this is not seen
     hollow_m: float = 0.12  # the view into an open thing is this far behind its outline [m]
     # largest distance from the robot's camera to a thing it is at, seen from above [m]: the handoff distance and the
@@ -246,7 +246,11 @@ class _SeenPicture:
         return Judgement(True, f"{name} is seen on {surface}")
 
     def nextto(self, name: str, other: str) -> Judgement:
-        """Whether the gap between what is seen of the two is small for their size, and they are at one height."""
+        """Whether the gap between what is seen of the two is small for their size, and they are at one height.
+
+        Boxes of round or slanting things overlap at a corner that is empty: there the other thing is seen at the
+        height of the first, and not over or under its middle.
+        """
         for either in (name, other):  # of two sandals a hand may hold the one that is asked for second
             if self._may_be_held(either):
                 return Judgement(False, f"{either} is seen in a gripper")
@@ -254,12 +258,14 @@ class _SeenPicture:
             return Judgement(False, f"{name} is seen in the air")
         a, b = self._box(name), self._box(other)
         gap = np.maximum(0.0, np.maximum(a[0], b[0]) - np.minimum(a[1], b[1]))
-        size = float(np.mean((a[1] - a[0])[:2] + (b[1] - b[0])[:2]) / 2)
-        if gap[2] > 0 or norm(gap) > self._sight.beside * size:
+        if gap[2] > 0 or norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(a, axis=0) + np.ptp(b, axis=0)):
             return Judgement(False, f"{name} is seen away from {other}")
-        (low, high), middle = b[:, :2], (a[0] + a[1])[:2] / 2
-        if ((low < middle) & (middle < high)).all():
-            return Judgement(False, f"{name} is seen in, on or under {other}, not beside it")
+        middle, points = a.mean(0), self._points[self._mask(other)]
+        if ((b[0] < middle) & (middle < b[1]))[:2].all():
+            level = (points[:, 2] > middle[2]) & (points[:, 2] < a[1, 2])
+            column = (np.abs(points - middle) < np.ptp(a, axis=0) / 4)[:, :2].all(1)
+            if np.count_nonzero(level) < self._sight.seen_px or np.count_nonzero(column) >= self._sight.seen_px:
+                return Judgement(False, f"{name} is seen in, on or under {other}, not beside it")
         return Judgement(True, f"{name} is seen next to {other}")
 
     def under(self, name: str, other: str) -> Judgement:
