@@ -394,6 +394,14 @@ def test_what_was_seen_in_place_counts_until_it_is_seen_elsewhere() -> None:
         assert not said(*pictures).complete
 
 
+def test_what_was_seen_beside_a_thing_counts_as_well() -> None:
+    """Of two cans next to a bin the near one hides the other in the second picture."""
+    asked, checker = "two cans of soda are next to the trash can", VisualChecker(PHRASES)
+    near, far = can(-0.16, 0.0, 0.0), can(0.0, 0.16, 0.0, "can_2")
+    assert not checker.check(asked, head([FLOOR, *trash_can(), far])).complete
+    assert checker.check(asked, head([FLOOR, *trash_can(), near])).complete
+
+
 def test_what_it_cannot_see_or_parse_is_a_no_with_a_reason() -> None:
     """No picture, no labels, thing not in view, thing unknown, sentence not understood."""
     checker, empty = VisualChecker(PHRASES), head([FLOOR])

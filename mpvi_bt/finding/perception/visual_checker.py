@@ -25,7 +25,11 @@ from mpvi_bt.ground.robot.robots import robot_named
 from mpvi_bt.ground.words.phrases import Vocabulary
 
 ROBOT = "robot"
-_STAYS: tuple[Relation, ...] = ("inside", "ontop")  # relations that last while nothing is taken away; our choice
+_STAYS: tuple[Relation, ...] = (
+    "inside",
+    "ontop",
+    "nextto",
+)  # relations that last while nothing is taken away; our choice
 _TOUCHING_PX = 5  # of a hand where it touches a thing, or nearly so
 
 
@@ -58,8 +62,8 @@ class Eyesight:
 class VisualChecker:
     """Judges places and open parts from one picture's colors, depth and labels (implements `Checker`).
 
-    Where several things are counted, as in "two candles are in wicker baskets", a thing that this picture does not show
-    counts if the last picture that showed it showed it there. One of them at least has to be seen.
+    Where several things are counted in, on or next to others, as in "two candles are in wicker baskets", a thing that
+    this picture does not show counts if the last picture that showed it showed it there. One at least has to be seen.
 
     The label image stands in for an open-vocabulary detector: no pose, contact or other simulator state is read. What
     it does not see or understand is a no, with the reason, as a false yes costs more than a false no (Paper,
@@ -258,7 +262,7 @@ class _SeenPicture:
             return Judgement(False, f"{name} is seen in the air")
         a, b = self._box(name), self._box(other)
         gap = np.maximum(0.0, np.maximum(a[0], b[0]) - np.minimum(a[1], b[1]))
-        if gap[2] > 0 or norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(a, axis=0) + np.ptp(b, axis=0)):
+        if gap[2] > self._sight.rest_m or norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(a, axis=0) + np.ptp(b, axis=0)):
             return Judgement(False, f"{name} is seen away from {other}")
         middle, points = a.mean(0), self._points[self._mask(other)]
         if ((b[0] < middle) & (middle < b[1]))[:2].all():
