@@ -192,6 +192,24 @@ def test_a_can_is_set_down_on_a_table() -> None:
     assert ontop(world, "can", "table_1")
 
 
+@pytest.mark.slow
+@pytest.mark.render
+def test_who_is_done_looks_at_what_it_did() -> None:
+    """Until somebody says that it is complete: a robot that stands still is asked about its head's picture."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.2, 0.9), "bin": placed("trash_can", 1.0, 0.3)},
+                             render=True))  # fmt: skip
+    policy, prompt = reactive(), "put the can of soda on the floor next to the trash can"
+    assert play(world, policy, prompt, 150.0).note == "done"
+    for _ in range(2 * CONTROL_HZ):
+        images = {camera: world.robot.look(camera) for camera in policy.cameras}
+        (action,) = policy.infer({"prompt": prompt, "proprioception": world.robot.proprioception(), "images": images})
+        world.robot.act(action)
+        world.step()
+    seen = world.robot.look("head")
+    assert seen.labels is not None
+    assert {"can", "bin"} <= {seen.names.get(int(label)) for label in np.unique(seen.labels)}
+
+
 class Stuck(KinematicRobot):
     """A robot whose torso, base or arms do not follow."""
 

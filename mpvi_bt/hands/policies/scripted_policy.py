@@ -26,7 +26,7 @@ from mpvi_bt.hands.motion.gaze import look_at
 from mpvi_bt.hands.motion.hold_out import present
 from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.repertoire import motion_of
-from mpvi_bt.hands.policies.result_views import fell_beside, views
+from mpvi_bt.hands.policies.result_views import done_at, fell_beside, views
 from mpvi_bt.hands.stance.effort import Effort
 from mpvi_bt.hands.stance.grasps import grasps
 
@@ -203,11 +203,14 @@ class ScriptedPolicy:
             yield from self.attempt(work, last)
 
     def _show(self, work: Work, last: SkillCall) -> Generator[Array, None, bool]:
-        """Nobody has said that it is complete: look at it in several ways; hold out what has been filled.
+        """Nobody has said that it is complete: look at it from here, then otherwise; hold out what has been filled.
 
         Returns at once, with true, where it was to be taken and no hand holds anything any more; likewise where it was
         to be put into something, and the views show it beside that.
         """
+        if names := done_at(work, last):
+            with contextlib.suppress(MotionFailure):
+                yield from look_at(work, *names)
         yield from work.motion.wait(_PERSIST.idle_s)
         if last.skill.effects.held is not None and not work.carried():
             return True
