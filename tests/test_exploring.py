@@ -237,6 +237,20 @@ def test_what_lies_flat_on_a_high_cabinet_is_found_from_above() -> None:
     np.testing.assert_allclose(robot.proprioception().torso, r1.TRAVEL_TORSO, atol=0.05)
 
 
+def test_what_lies_in_a_basin_is_found_from_near() -> None:
+    """Its near wall hides it from where a robot stands to work at the sink."""
+    grid_map, boxes = house()
+    sink = thing("sink", (0.35, 3.0, 0.45), (0.6, 0.7, 0.9), kind="fixture", room="kitchen", source="prior")
+    put_box(grid_map, (0.05, 2.65), (0.65, 3.35))
+    base = thing("base", (0.35, 3.0, 0.33), (0.6, 0.7, 0.66))
+    walls = [thing("wall", (x, 3.0, 0.78), (0.02, 0.7, 0.24)) for x in (0.06, 0.64)]
+    cup = replace(CUP, lowest=np.array([0.48, 2.95, 0.66]), highest=np.array([0.56, 3.05, 0.7]))
+    robot = Rising(3.0, 1.0, 0.0, [*boxes, *map(box_of, (base, *walls, cup))])
+    report, _ = play(robot, exploring(robot, BoxDetector(cup), grid_map, KITCHEN, LIVING_ROOM, sink), "cup", "kitchen")
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(cup, robot.pose[:2]) < 1.3
+
+
 @pytest.mark.parametrize("laid", [False, True])
 def test_what_is_found_in_a_basket_is_gone_to_and_what_was_put_into_one_is_not(laid: bool) -> None:
     """The cup in the basket is what is looked for, unless the robot put it there: then another one may be elsewhere."""

@@ -73,6 +73,8 @@ class NavigationParameters:
 
     narrow: bool = True  # if no way has room for free turns, fit the base alone and treat the arms as a load
     handoff: HandoffDistances = field(default_factory=HandoffDistances)  # where to stand before a target
+    # where to stand to look down on furniture: the near side of a basin hides what lies in it; our choice
+    look: HandoffDistances = field(default_factory=lambda: HandoffDistances(distance_m=0.65, preferred_m=0.4))
     limits: Limits = field(default_factory=Limits)  # limits with empty hands
     carrying: Limits = CARRYING  # limits with something in a hand, or between both
     tolerance: Tolerance = field(default_factory=Tolerance)  # when the goal pose counts as reached

@@ -205,7 +205,7 @@ class ExploringNavigator(KnownPlaceNavigator):
             entry = left.pop(min(left, key=lambda name: distance_to(left[name], here)))
             report = Report(Progress.RUNNING, "", f"{feedback} on {entry.phrases[0]}")
             try:
-                yield from self._drive_to(Trip(entry.phrases[0], None), [entry], None, until=found)
+                yield from self._drive_to(Trip(entry.phrases[0], None), [entry], None, found, self.parameters.look)
             except GaveUp:
                 continue
             if found():

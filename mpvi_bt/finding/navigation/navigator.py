@@ -10,7 +10,7 @@ import numpy as np
 
 from mpvi_bt.executive.plan.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.finding.navigation.driver import DEFAULTS, Driver, GaveUp, NavigationParameters, Stow, never
-from mpvi_bt.finding.navigation.goals import Goal, at_target, object_goals, room_goals
+from mpvi_bt.finding.navigation.goals import Goal, HandoffDistances, at_target, object_goals, room_goals
 from mpvi_bt.finding.navigation.traversability import Traversability
 from mpvi_bt.finding.scene.occupancy_map import OccupancyMap
 from mpvi_bt.ground.errors import nearest
@@ -172,34 +172,45 @@ class KnownPlaceNavigator:
         return self._left if OTHER.match(trip.target) else set()
 
     def _drive_to(
-        self, trip: Trip, entries: list[Entry], room: str | None, until: Callable[[], bool] = never
+        self,
+        trip: Trip,
+        entries: list[Entry],
+        room: str | None,
+        until: Callable[[], bool] = never,
+        handoff: HandoffDistances | None = None,
     ) -> Iterator[Report]:
-        """Drive to the best of `entries`, or into `room` if there are none; no farther than `until`. Raises GaveUp."""
+        """Drive to the best of `entries`, or into `room` if there are none; no farther than `until`. Raises GaveUp.
+
+        `handoff` is how far before an entry to stand; None: as for manipulation.
+        """
         place = trip.target if entries else str(room)
         others = self._put_away(entries)
-        if self._is_there(entries, room) and not _mistakable(entries, others, self._robot.proprioception().base_pose):
+        pose = self._robot.proprioception().base_pose
+        if self._is_there(entries, room, handoff=handoff) and not _mistakable(entries, others, pose):
             return
 
         def goals(grid: Traversability, start: Array) -> list[Goal]:
             if not entries:
                 return room_goals(place, start, grid, most=_GOALS)
-            return self._before(entries, grid, start)
+            return self._before(entries, grid, start, handoff)
 
         def there() -> bool:  # a base that was stopped near enough need not get to its goal
-            return until() or (self._driver.halted and self._is_there(entries, room))
+            return until() or (self._driver.halted and self._is_there(entries, room, handoff=handoff))
 
         try:
             yield from self._driver.to(goals, f"driving to {place}", there)
         except GaveUp as failure:
             raise GaveUp(failure.reason, f"{failure.message} to {place}") from None
 
-    def _before(self, entries: list[Entry], grid: Traversability, start: Array) -> list[Goal]:
+    def _before(
+        self, entries: list[Entry], grid: Traversability, start: Array, handoff: HandoffDistances | None = None
+    ) -> list[Goal]:
         """Poses before any of the entries, rather such as skills will take them for what is meant from."""
         others = self._put_away(entries)
         return [
             replace(g, score=g.score + _RATHER_M * (_mistakable([e], others, g.pose) + self._was_left(g.pose)))
             for e in entries
-            for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)
+            for g in object_goals(e, start, grid, handoff or self.parameters.handoff, most=_GOALS)
         ]
 
     def _was_left(self, pose: Array) -> bool:
@@ -242,14 +253,16 @@ class KnownPlaceNavigator:
         best = [h for h in best if h.name not in self._passed_over(trip)] or best
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
-    def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:
+    def _is_there(
+        self, entries: list[Entry], room: str | None, slack_m: float = 0.0, handoff: HandoffDistances | None = None
+    ) -> bool:
         pose = self._robot.proprioception().base_pose
         if not np.isfinite(pose).all() or self._was_left(pose):
             return False
         if not entries:
             return room is not None and self._map().room_at(pose[:2]) == room
         grid = self._driver.grid()
-        return any(at_target(entry, pose, grid, self.parameters.handoff, slack_m) for entry in entries)
+        return any(at_target(entry, pose, grid, handoff or self.parameters.handoff, slack_m) for entry in entries)
 
 
 def _mistakable(entries: list[Entry], others: list[Entry], pose: Array) -> bool:
