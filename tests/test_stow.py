@@ -106,6 +106,24 @@ def test_a_hand_that_holds_far_out_is_drawn_back_first(at: tuple[float, float], 
     np.testing.assert_allclose(moved[1:], 0.0, atol=0.02)
 
 
+@pytest.mark.parametrize(("down", "raised"), [((0.0, 0.0, -1.0), True), ((1.0, 0.0, -0.5), False)])
+def test_what_was_taken_from_above_is_raised_before_the_base_draws_back(
+    down: tuple[float, float, float], raised: bool
+) -> None:
+    """An onion was struck out of the hand by the rim of the sink; what was taken from a shelf has a board over it."""
+    home = world(left=-1.0)
+    put_hand(home, "left", kin.transform(kin.hand_rotation(down, (0, 1, 0)), (0.62, 0.2, 0.75)))
+    before, stow = home.robot.proprioception(), ArmStow(home.robot)
+    stow.start()
+    while not stow.step():
+        home.step()
+        felt = home.robot.proprioception()
+        if felt.base_pose[0] < before.base_pose[0] - 0.02:
+            break
+    gain = R1.tcp(felt.torso, felt.arm["left"], "left")[2, 3] - R1.tcp(before.torso, before.arm["left"], "left")[2, 3]
+    assert (gain > 0.1) == raised
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_torso_straightens_up_though_what_is_held_cannot_stay_where_it_is(side: Side) -> None:
     """A bottle just taken from a low board: the robot drove on bent down, dragged it along a door, and saw nothing."""

@@ -26,6 +26,7 @@ _BACK_RAD = (0.0, 0.6, -0.6, 1.1, -1.1)  # from straight back, where an arm or t
 _OFF_M = 0.15  # off what fingers stand around
 _RAISED_M = 0.15  # that hands are raised, off what they worked on
 _DRAWN_M = 0.12  # of a hand along its fingers, off what it may have let go of a moment ago
+_DOWN = 0.9  # of the length of a hand's approach, downward: what it took from above may be in a basin or a box still
 _LEVEL = 0.3  # of the length of a hand's approach, seen from above: one that points down more steeply is not drawn back
 _CARRIED_M = 0.58  # from the base's axis, and between these heights, a hand carries what it holds;
 _CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table,
@@ -40,8 +41,9 @@ class ArmStow:
 
     It knows nothing of the surroundings: from an unknown posture, and with a hand that holds something far out, it
     first draws back from where the hands worked; an empty hand that still points there is drawn off along its fingers
-    before that. What is held far out is brought in, level, before the base turns, and so is what the torso cannot
-    straighten up around. Where there is no room to go back, arms and torso are brought home as far as they get.
+    before that, and one that took something from above is raised. What is held far out is brought in, level, before
+    the base turns, and so is what the torso cannot straighten up around. Where there is no room to go back, arms and
+    torso are brought home as far as they get.
     """
 
     def __init__(self, robot: Robot, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> None:
@@ -90,7 +92,10 @@ class ArmStow:
             yield from motion.grip(side, -1.0, _CLOSING_S * (felt.gripper_command[side] + 1.0))
         out = [s for s in held if _far_out(motion.hand(s))]
         for side in away:
-            yield from _draw_off(motion, side)
+            yield from _draw_off(motion, side, _DRAWN_M)
+        for side in out:
+            if motion.hand(side)[2, 2] < -_DOWN:
+                yield from _draw_off(motion, side, _RAISED_M)
         if away or out:
             back = max(_BACK_M, *(float(motion.hand(s)[0, 3]) - _OUT_M for s in out), 0.0)
             try:
@@ -159,10 +164,10 @@ def _home(motion: Motion, side: Side, rng: np.random.Generator) -> Actions:
         yield from motion.follow(side, path)
 
 
-def _draw_off(motion: Motion, side: Side) -> Actions:
-    """Draw an empty hand straight back along its fingers, if its arm can: the base would drag along what is between."""
+def _draw_off(motion: Motion, side: Side, by_m: float) -> Actions:
+    """Draw a hand straight back along its fingers, if its arm can: the base would drag along what is between."""
     T = motion.hand(side)
-    T[:3, 3] -= _DRAWN_M * T[:3, 2]
+    T[:3, 3] -= by_m * T[:3, 2]
     body = motion.body()
     line = arm_motion.trace(motion.robot, motion.torso, side, motion.arm(side), T)
     if line is not None and all(body.free(side, q)[0] for q in line):
