@@ -195,6 +195,20 @@ def test_a_thing_that_is_gone_is_forgotten() -> None:
         seen.pose(gone)
 
 
+def test_what_was_cut_is_no_whole_any_more() -> None:
+    """Its halves lie where it was, so that no picture shows the floor behind it; another one stays."""
+    called = {"can_1": ("onion",), "can_2": ("onion",)}
+    world = cans()
+    seen = Seen(SegmentationDetector(called, least_px=1))
+    seen.forget(("onion", "half onion"))
+    look(world, seen)
+    assert len(names(seen, "onion")) == 2
+    called["can_2"] = ("half onion",)
+    seen._pictures._detector = SegmentationDetector(called, least_px=1)
+    look(world, seen)
+    assert len(names(seen, "onion")) == len(names(seen, "half onion")) == 1
+
+
 def test_what_is_worked_on_is_not_in_the_way() -> None:
     """The field is blocked where a can stands, and free there once the can is left out; the space before it is free."""
     world = cans()

@@ -37,6 +37,7 @@ class Tracking:
     far_m: float = 0.30  # the same after a drive [m]
     recent_m: float = 1.2  # driving after which an older picture is no longer fitted together with new ones [m]
     through_m: float = 0.06  # a hollow thing is gone if the depth is this far behind its middle [m]
+    aside_m: float = 0.05  # pieces of a thing lie within this of where it was [m]
     behind_m: float = 0.01  # another thing is gone if the depth is this far behind it, beside the noise of depth [m]
     inside_m: tuple[float, float] = (0.02, 0.06)  # largest distance beside and above a container of what is in it [m]
     deeper_m: float = 0.1  # a vessel in the hand may be this much deeper than it seems [m]
@@ -206,9 +207,23 @@ class Associator:
         """Whether a picture shows the background behind a thing. A hollow thing may be seen down to its floor."""
         if self._things.is_carried(thing) or thing.shape.extent is not None:
             return False
+        if self._is_in_pieces(thing, frame):
+            return True
         depths = frame.depth_at(self._things.shape(thing.name).box().mean(0))
         through = _TRACK.through_m if thing.shape.volumes else _TRACK.behind_m
         return depths is not None and depths[1] > depths[0] + through + DEPTH_NOISE.smoothed_m * depths[0] ** 2
+
+    def _is_in_pieces(self, thing: SeenThing, frame: Frame) -> bool:
+        """Whether a picture shows what was cut from a thing in its place: halves of a whole, dice of a half."""
+        low, high = self._things.shape(thing.name).box()
+        whole = thing.phrase.removeprefix("half ")
+        for other in frame.detections:
+            if other.phrase != thing.phrase and other.phrase.endswith(f" {whole}"):
+                points = frame.of(other.mask)
+                there = ((points > low - _TRACK.aside_m) & (points < high + _TRACK.aside_m)).all(1)
+                if np.count_nonzero(there) >= SEEN_PX and there.mean() > 0.5:
+                    return True
+        return False
 
     def _merge(self) -> None:
         """Merge entries of the same thing. The entry seen more often by the head stays."""

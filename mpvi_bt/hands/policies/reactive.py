@@ -28,6 +28,7 @@ from mpvi_bt.hands.motion.work import Work
 from mpvi_bt.hands.policies.readings import count, readings
 from mpvi_bt.hands.policies.scripted_policy import Performance, ScriptedPolicy
 from mpvi_bt.hands.policies.visual_search import look_for, look_from_elsewhere
+from mpvi_bt.hands.skills.cut import half_of
 from mpvi_bt.hands.skills.spots import is_floor
 
 # Our choice.
@@ -69,7 +70,9 @@ class ReactivePolicy(ScriptedPolicy):
             self.note = f"no skill for {shown(prompt)}"
             return None
         named = [p for call in calls for r in readings(call) for p in self._phrases(r, _NAMES)]
-        self._seen.forget(kinds([*named, *filter(None, map(contents, named))]))
+        cuts = [(call.skill.effects.cut, call.arguments) for call in calls]
+        cut = [half_of(words[slot]) for slot, words in cuts if slot is not None and slot in words]
+        self._seen.forget(kinds([*named, *filter(None, map(contents, named)), *cut]))
         if any(call.skill.hands for call in calls):
             yield from self._look_at_hands(work)
         left = [(call, self.tries) for call in calls for _ in range(count(call))]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Generator, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mpvi_bt.finding.scene.hands import Held
 from mpvi_bt.ground.geometry import kinematics as kin
 from mpvi_bt.ground.geometry.linear_algebra import matmul, norm
-from mpvi_bt.ground.geometry.solids import Array, bounds
+from mpvi_bt.ground.geometry.solids import Array, Solid, bounds
 from mpvi_bt.ground.robot.motion import Actions, MotionFailure
 from mpvi_bt.ground.robot.protocol import Side
 from mpvi_bt.hands.motion.approach import FEEL, close_in, going_around, leave, lines, take_up, withdraw
@@ -61,12 +61,12 @@ def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
     halves = _halves(work, phrase)
     if not halves or work.scene.knowledge().find(phrase):
         halves = [work.nearest(phrase, words.get("surface"))]
-    left, missed, tended = halves, None, set[str]()
+    left, missed, tended, first = halves, None, set[str](), 0
     while left and len(tended) < _CUT.pieces:
         piece = left[0]
         tended.add(piece)
         try:
-            yield from _press(work, side, piece, tried)
+            first = yield from _press(work, side, piece, tried, first)
         except MotionFailure as failure:
             if failure.reason not in _NEXT:
                 raise
@@ -78,17 +78,54 @@ def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise missed
 
 
+def half_of(phrase: str) -> str:
+    """What a half of it is called: "half apple", of "another apple"."""
+    return f"half {_WHICH.sub('', phrase)}"
+
+
 def _halves(work: Work, phrase: str) -> list[str]:
     """What there is of halves of what a phrase names."""
-    return [entry.name for entry in work.scene.knowledge().find(f"half {_WHICH.sub('', phrase)}")]
+    return [entry.name for entry in work.scene.knowledge().find(half_of(phrase))]
 
 
-def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
-    """Bring the blade down on a thing. Raises MotionFailure "not_cut" if it is known to be whole still."""
+def _press(work: Work, side: Side, name: str, tried: list[Array], first: int = 0) -> Generator[Array, None, int]:
+    """Bring the blade down on a thing; of a tool that is known as one piece, the one half of it and then the other.
+
+    `first` is which of them to begin with, and what is returned which of them cut.
+
+    Raises:
+        MotionFailure: "not_cut" if the thing is known to be whole still, "dropped", "no_stance", or a motion's own.
+    """
+    blades = _blades(work.load(side))
+    for k in sorted(range(len(blades)), key=lambda k: k != first):
+        yield from _stroke(work, side, name, blades[k], tried)
+        if not work.gripped(side):
+            raise MotionFailure("dropped")
+        yield from study(work, name)
+        if name not in work.scene.knowledge().entries:
+            return k
+    raise MotionFailure("not_cut")
+
+
+def _blades(held: Held) -> list[Solid]:
+    """What may be the blade, in the tool's frame: the part farthest from the hand, or either half of the only part."""
+    to_tool = kin.inverse(held.T_tcp_thing)
+    far = max(held.solids, key=lambda s: float(norm(s.T[:3, 3])))
+    if len(held.solids) > 1 or far.kind != "box":
+        return [far.moved(to_tool)]
+    long = int(far.half_m.argmax())
+    half_m = np.where(np.arange(3) == long, far.half_m / 2, far.half_m)
+    offsets = (sign * half_m[long] * far.T[:3, long] for sign in (1.0, -1.0))
+    moved = (kin.transform(far.T[:3, :3], far.T[:3, 3] + offset) for offset in offsets)
+    return [replace(far, half_m=half_m, T=T).moved(to_tool) for T in moved]
+
+
+def _stroke(work: Work, side: Side, name: str, blade: Solid, tried: list[Array]) -> Actions:
+    """Bring a blade down on a thing, and leave. Raises MotionFailure "no_stance", or a motion's own reason."""
     beside = _beside(work, name)
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        return search.find(work.middle(name)[:2], list(_options(work, work.load(side), name)), here_first)
+        return search.find(work.middle(name)[:2], list(_options(work, work.load(side), name, blade)), here_first)
 
     search = work.search(side, beside)
     stance = find(search, True)
@@ -103,21 +140,15 @@ def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
         raise
     yield from lines(work, side, stance, [0])
     yield from leave(work, stance)
-    if not work.gripped(side):
-        raise MotionFailure("dropped")
-    yield from study(work, name)
-    if not work.scene.needs_looks and name in {entry.name for entry in work.scene.knowledge()}:
-        raise MotionFailure("not_cut")
 
 
-def _options(work: Work, held: Held, name: str) -> Iterator[Option]:
-    """Ways of the hand: the tool level, its far end over the middle of a thing, and down onto it."""
+def _options(work: Work, held: Held, name: str, blade: Solid) -> Iterator[Option]:
+    """Ways of the hand: the tool level, its blade over the middle of a thing, and down onto it."""
     low, high = bounds(work.scene.solids(name))
     T_now = work.scene.pose(held.name)
     up = int(np.abs(T_now[2, :3]).argmax())
     R_now = righted(T_now, T_now[:3, up] * np.sign(T_now[2, up]))[:3, :3]
     to_tcp = kin.inverse(held.T_tcp_thing)
-    blade = max(held.solids, key=lambda s: float(norm(s.T[:3, 3]))).moved(kin.inverse(held.T_tcp_thing))
     for turn in TURNS_RAD:
         R = matmul(kin.rot_z(turn), R_now)
         edge_low, edge_high = blade.moved(kin.transform(R, np.zeros(3))).aabb()
