@@ -208,7 +208,7 @@ class ScriptedPolicy:
         Returns at once, with true, where it was to be taken and no hand holds anything any more; likewise where it was
         to be put into something, and the views show it beside that.
         """
-        if names := done_at(work, last):
+        if work.scene.between() is None and (names := done_at(work, last)):
             with contextlib.suppress(MotionFailure):
                 yield from look_at(work, *names)
         yield from work.motion.wait(_PERSIST.idle_s)
