@@ -82,7 +82,7 @@ class CheckComplete(Leaf):
             with self.context.stopwatch("triggers"):
                 event = self.context.triggers.update()
             self._keep()
-            if event is not None:
+            if event is not None and self._tells(event):
                 self._due = event
         if self._open is None and self._due is not None:
             self._ask(self._due, self._look(self._camera(self._due)))
@@ -124,13 +124,20 @@ class CheckComplete(Leaf):
                 raise ValueError(f"'event' should be the kind of an event and its hand, not {wrong!r:.40}")
 
     def _camera(self, event: TriggerEvent) -> str:
-        """The camera that shows the result of an event: of the hand's cameras that of the hand which is asked about."""
+        """The camera that shows the result of an event."""
         wanted = self._cameras.get(event.kind)
         if event.side is None or wanted not in ("hand", "other_hand"):
             return "head"
-        asked = parse(self._asked_about)
-        camera = (asked and asked.side) or (event.side if wanted == "hand" else other(event.side))
+        camera = event.side if wanted == "hand" else other(event.side)
         return camera if camera in robot_named(self.context.robot.proprioception().robot).cameras else "head"
+
+    def _tells(self, event: TriggerEvent) -> bool:
+        """Whether a picture of an event can show the result: a hand's own camera sees nothing of the other hand.
+
+        Our choice: nor is the other camera asked, whose hand may be about to close on the thing.
+        """
+        camera, asked = self._camera(event), parse(self._asked_about)
+        return camera == "head" or asked is None or asked.side in (None, camera)
 
     def _look(self, camera: str) -> CameraImage | None:
         """That camera's picture, for a checker that looks at one."""
