@@ -94,8 +94,9 @@ class ArmStow:
         for side in away:
             yield from _draw_off(motion, side, _DRAWN_M)
         for side in out:
-            if motion.hand(side)[2, 2] < -_DOWN:
-                yield from _draw_off(motion, side, _RAISED_M)
+            T = motion.hand(side)
+            if T[2, 2] < -_DOWN and (room_m := _CARRIED_AT_M[1] - T[2, 3]) > 0.0:  # it is carried no higher
+                yield from _draw_off(motion, side, min(_RAISED_M, room_m))
         if away or out:
             back = max(_BACK_M, *(float(motion.hand(s)[0, 3]) - _OUT_M for s in out), 0.0)
             try:
